@@ -1,0 +1,302 @@
+"""Every physical parameter of an operation, as frozen dataclasses of SI numbers.
+
+What is given is a field; what follows from it is a property. Wrong numbers raise `ValueError` when
+the object is built, with the field, the value and the remedy in one sentence. The public sign
+convention is heave positive up, pay-out positive outwards, tension positive in pull.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, fields
+from typing import Any
+
+SEAWATER_DENSITY = 1025.0
+"""Density of sea water [kg/m³] (UNESCO EOS-80 at 35 psu and 11 °C: 1026; engineering value)."""
+GRAVITY = 9.80665
+"""Standard gravity [m/s²] (CGPM 1901)."""
+
+SEA_KINDS = ("shaping_filter", "random_phase", "regular", "recorded", "calm")
+
+
+def require(condition: bool, owner: object, field: str, expectation: str) -> None:
+    """Raises `ValueError` naming the field, what it must be and what it is, unless `condition`."""
+    if not condition:
+        value = getattr(owner, field)
+        raise ValueError(f"{type(owner).__name__}.{field} must be {expectation}, got {value!r}")
+
+
+def require_number(
+    owner: object,
+    field: str,
+    *,
+    positive: bool = False,
+    non_negative: bool = False,
+    optional: bool = False,
+) -> None:
+    """Raises `ValueError` unless the field is a finite real number of the wanted sign."""
+    value = getattr(owner, field)
+    if optional and value is None:
+        return
+    if positive:
+        expectation = "a positive number"
+    elif non_negative:
+        expectation = "a number that is not negative"
+    else:
+        expectation = "a finite number"
+    if optional:
+        expectation += " or null"
+    is_number = isinstance(value, (int, float)) and not isinstance(value, bool)
+    require(is_number and math.isfinite(value), owner, field, expectation)
+    require(not positive or value > 0.0, owner, field, expectation)
+    require(not non_negative or value >= 0.0, owner, field, expectation)
+
+
+def require_integer(owner: object, field: str, *, minimum: int) -> None:
+    """Raises `ValueError` unless the field is an integer of at least `minimum`."""
+    value = getattr(owner, field)
+    ok = isinstance(value, int) and not isinstance(value, bool) and value >= minimum
+    require(ok, owner, field, f"an integer of at least {minimum}")
+
+
+def as_mapping(owner: Any) -> dict[str, Any]:
+    """The fields of a parameter object by name, in the order of their definition."""
+    return {field.name: getattr(owner, field.name) for field in fields(owner)}
+
+
+@dataclass(frozen=True, kw_only=True)
+class SeaState:
+    """The sea, or the recorded motion that stands in for it.
+
+    The spectrum is Bretschneider's (1959) two-parameter form; Pierson and Moskowitz's is a member of
+    it. See `heave_env.sea` for the realisations that `kind` selects.
+    """
+
+    kind: str = "shaping_filter"
+    """`shaping_filter` (white noise through the thesis's rational filter), `random_phase` (sum of
+    sinusoids), `regular` (one sinusoid of random phase), `recorded` (a motion file moves the boom
+    tip) or `calm`."""
+    significant_wave_height: float = 0.0
+    """Hs [m]; of a regular sea the wave height, twice the amplitude."""
+    peak_omega: float = 1.0
+    """Modal frequency ω_m of the spectrum [rad/s]; of a regular sea its frequency."""
+    n_components: int = 128
+    """Sinusoids of a random-phase sea [-]."""
+    recording: str | None = None
+    """Path of the motion file of a recorded sea: CSV with columns time, heave and optionally payout."""
+
+    def __post_init__(self) -> None:
+        require(self.kind in SEA_KINDS, self, "kind", f"one of {', '.join(SEA_KINDS)}")
+        require_number(self, "significant_wave_height", non_negative=True)
+        require_number(self, "peak_omega", positive=True)
+        require_integer(self, "n_components", minimum=1)
+        if self.kind == "recorded":
+            require(bool(self.recording), self, "recording", "the path of a motion file (kind is recorded)")
+        if self.kind in ("shaping_filter", "random_phase", "regular"):
+            require_number(self, "significant_wave_height", positive=True)
+
+    @property
+    def variance(self) -> float:
+        """Variance of the elevation under the true spectrum, Hs²/16 [m²]."""
+        return self.significant_wave_height**2 / 16.0
+
+
+def peak_omega_of_zero_crossing_period(zero_crossing_period: float) -> float:
+    """Modal frequency of the Bretschneider spectrum whose mean zero-crossing period is given.
+
+    T_z = 2π sqrt(m0/m2) and, for S = A ω⁻⁵ exp(-B ω⁻⁴) with B = 1.25 ω_m⁴, m0/m2 = 1/sqrt(π B).
+
+    Args:
+        zero_crossing_period: Mean zero up-crossing period T_z [s].
+
+    Returns:
+        ω_m [rad/s].
+    """
+    zero_crossing_omega = 2.0 * math.pi / zero_crossing_period
+    return (zero_crossing_omega**4 / (1.25 * math.pi)) ** 0.25
+
+
+@dataclass(frozen=True, kw_only=True)
+class Vessel:
+    """Boom tip behind the sea: a second-order filter, x0'' + 2 ξ ω x0' + ω² x0 = K ω² η.
+
+    Source: Huang (1992), (6.25).
+    """
+
+    natural_omega: float
+    """ω_v [rad/s]."""
+    damping_ratio: float
+    """ξ_v [-]."""
+    gain: float
+    """Boom-tip heave per metre of slow elevation, K_v [-]."""
+
+    def __post_init__(self) -> None:
+        require_number(self, "natural_omega", positive=True)
+        require_number(self, "damping_ratio", positive=True)
+        require_number(self, "gain", positive=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Winch:
+    """First-order winch behind a pure delay: u' = K (u0(t - delay) - u), within limits.
+
+    Source: Huang (1992), (6.1) and (6.12).
+    """
+
+    time_constant: float
+    """Lag 1/K [s]."""
+    command_range: float
+    """Largest commanded displacement |u0| [m]: what an action of one means."""
+    command_delay: float = 0.0
+    """Pure delay from command to winch [s]; a multiple of the solver's step."""
+    stroke_limit: float | None = None
+    """Largest displacement |u| [m]; null switches the limit off."""
+    speed_limit: float | None = None
+    """Largest speed |u'| [m/s]; null switches the limit off."""
+    acceleration_limit: float | None = None
+    """Largest acceleration |u''| [m/s²]; null switches the limit off."""
+
+    def __post_init__(self) -> None:
+        require_number(self, "time_constant", positive=True)
+        require_number(self, "command_range", positive=True)
+        require_number(self, "command_delay", non_negative=True)
+        for limit in ("stroke_limit", "speed_limit", "acceleration_limit"):
+            require_number(self, limit, positive=True, optional=True)
+
+    @property
+    def rate_constant(self) -> float:
+        """K = 1 / time_constant [1/s]."""
+        return 1.0 / self.time_constant
+
+    @property
+    def is_limited(self) -> bool:
+        """Whether any limit of stroke, speed or acceleration is on."""
+        return any(
+            limit is not None for limit in (self.stroke_limit, self.speed_limit, self.acceleration_limit)
+        )
+
+
+@dataclass(frozen=True, kw_only=True)
+class Cable:
+    """Hoisting cable, uniform along its length; lengths are unstretched."""
+
+    mass_per_length: float
+    """Dry mass per length, m [kg/m]."""
+    axial_stiffness: float
+    """Tension per strain, EA [N]."""
+    submerged_weight: float
+    """Weight in water per length, w1 [N/m]."""
+    diameter: float
+    """Drag diameter, d [m]."""
+    tangential_drag_coefficient: float = 0.0
+    """C_t of Huang's tangential drag (π/2) ρ d C_t |W| W per length [-]."""
+    added_mass_per_length: float = 0.0
+    """Added mass in axial motion per length, m_a [kg/m]."""
+    axial_damping: float = 0.0
+    """Kelvin damping: tension per strain rate, C_A [N·s]."""
+    tension_only: bool = False
+    """Whether the cable goes slack (T = 0) in place of carrying compression."""
+    breaking_strength: float | None = None
+    """Tension at which the cable parts and the payload is lost [N]; null: never."""
+
+    def __post_init__(self) -> None:
+        require_number(self, "mass_per_length", non_negative=True)
+        require_number(self, "axial_stiffness", positive=True)
+        require_number(self, "submerged_weight", non_negative=True)
+        require_number(self, "diameter", positive=True)
+        require_number(self, "tangential_drag_coefficient", non_negative=True)
+        require_number(self, "added_mass_per_length", non_negative=True)
+        require_number(self, "axial_damping", non_negative=True)
+        require_number(self, "breaking_strength", positive=True, optional=True)
+        require(isinstance(self.tension_only, bool), self, "tension_only", "true or false")
+
+    @property
+    def inertia_per_length(self) -> float:
+        """Dry plus added mass per length, m + m_a [kg/m]."""
+        return self.mass_per_length + self.added_mass_per_length
+
+    @property
+    def axial_wave_speed(self) -> float:
+        """Speed of axial waves, c = sqrt(EA / (m + m_a)) [m/s]; infinite for a massless cable."""
+        inertia = self.inertia_per_length
+        return math.sqrt(self.axial_stiffness / inertia) if inertia > 0.0 else math.inf
+
+    @property
+    def drag_per_length(self) -> float:
+        """Drag per length over speed squared, (π/2) ρ d C_t [kg/m²]. Source: Huang (1992), (2.47)."""
+        return 0.5 * math.pi * SEAWATER_DENSITY * self.diameter * self.tangential_drag_coefficient
+
+
+@dataclass(frozen=True, kw_only=True)
+class Payload:
+    """The subsea unit at the cable's lower end."""
+
+    mass: float
+    """Mass in air, M_s [kg]."""
+    submerged_weight: float
+    """Weight in water, w2 [N]."""
+    added_mass: float = 0.0
+    """Added mass in heave, M_a [kg]."""
+    drag_area: float = 0.0
+    """Drag coefficient times projected area, C_d S [m²]."""
+
+    def __post_init__(self) -> None:
+        require_number(self, "mass", positive=True)
+        require_number(self, "submerged_weight", positive=True)
+        require_number(self, "added_mass", non_negative=True)
+        require_number(self, "drag_area", non_negative=True)
+
+    @property
+    def inertia(self) -> float:
+        """Mass plus added mass [kg]."""
+        return self.mass + self.added_mass
+
+    @property
+    def drag_factor(self) -> float:
+        """Drag over speed squared, (1/2) ρ C_d S [kg/m]. Source: Morison et al. (1950), drag term."""
+        return 0.5 * SEAWATER_DENSITY * self.drag_area
+
+
+@dataclass(frozen=True, kw_only=True)
+class LinearPayload:
+    """Cable and payload as the thesis's second-order model, a x'' + b x' + x = x0 + u.
+
+    Source: Huang (1992), (6.4).
+    """
+
+    inertia: float
+    """a [s²]."""
+    damping: float
+    """b [s]."""
+
+    def __post_init__(self) -> None:
+        require_number(self, "inertia", positive=True)
+        require_number(self, "damping", positive=True)
+
+    @property
+    def natural_omega(self) -> float:
+        """Undamped natural frequency, 1/sqrt(a) [rad/s]."""
+        return self.inertia**-0.5
+
+
+@dataclass(frozen=True, kw_only=True)
+class PayOut:
+    """Cable paid out by the operation at constant speed, apart from any compensation."""
+
+    speed: float = 0.0
+    """Pay-out rate while it runs, positive outwards, negative for recovery [m/s]."""
+    start: float = 0.0
+    """When it begins [s]."""
+    distance: float = 0.0
+    """Cable paid out in all, a magnitude [m]."""
+
+    def __post_init__(self) -> None:
+        require_number(self, "speed")
+        require_number(self, "start", non_negative=True)
+        require_number(self, "distance", non_negative=True)
+        require(
+            (self.speed == 0.0) == (self.distance == 0.0),
+            self,
+            "speed",
+            "zero exactly when distance is zero",
+        )

@@ -1,0 +1,792 @@
+"""Named operations: parameters, solver, sensors, task and clock; to and from YAML.
+
+A scenario is data. `load("thesis_cable")` gives a named one, `read("mine.yaml")` a user's own, and
+`dataclasses.replace` or `with_value` a variant. Numbers of an operation are written here and nowhere
+else.
+"""
+
+from __future__ import annotations
+
+import ast
+import dataclasses
+import difflib
+import hashlib
+import inspect
+import json
+import math
+import textwrap
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import cached_property
+from pathlib import Path
+from typing import Any
+
+from heave_env.parameters import (
+    Cable,
+    LinearPayload,
+    Payload,
+    PayOut,
+    SeaState,
+    Vessel,
+    Winch,
+    as_mapping,
+    peak_omega_of_zero_crossing_period,
+    require,
+    require_integer,
+    require_number,
+)
+from heave_env.sensors import CHANNELS, INFORMATION_SETS, Sensor
+from heave_env.task import Task
+
+DEFAULT_HISTORY_LAGS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
+"""Control steps back whose measurements `sensors_history` holds."""
+
+
+def whole_number_of(interval: float, step: float) -> int | None:
+    """How many `step`s make `interval`, or None if it is no whole number of them."""
+    count = round(interval / step)
+    return count if math.isclose(count * step, interval, rel_tol=1e-9, abs_tol=1e-12) else None
+
+
+@dataclass(frozen=True, kw_only=True)
+class Scenario:
+    """One operation: sea, vessel, winch, cable and payload (or their linear model), sensors and task."""
+
+    name: str
+    """The name of the scenario, in lower case with underscores."""
+    description: str = ""
+    """What it is for, in a sentence or two."""
+    tags: tuple[str, ...] = ()
+    """Groups that the scenario belongs to."""
+    version: int = 0
+    """Rises when a change alters results."""
+    control_dt: float = 0.1
+    """Control step [s]: one action per step."""
+    duration: float = 400.0
+    """Length of an episode [s]; a whole number of control steps."""
+    n_substeps: int = 2
+    """Solver steps per control step [-]."""
+    n_elements: int = 20
+    """Elements of the cable [-]."""
+    n_iterations: int = 1
+    """Newton iterations of each solver step [-]; slack wants 4."""
+    length: float | None = None
+    """Unstretched cable outboard at the start, sheave to payload [m]; null for a linear payload."""
+    sea_state: SeaState
+    vessel: Vessel | None = None
+    winch: Winch
+    cable: Cable | None = None
+    payload: Payload | None = None
+    linear_payload: LinearPayload | None = None
+    pay_out: PayOut = field(default_factory=PayOut)
+    information_set: str = "sensors"
+    """What the controller sees: `full_state` (true channels and wave-filter states), `sensors` (the
+    latest measurements) or `sensors_history` (measurements at the history lags)."""
+    history_lags: tuple[int, ...] = DEFAULT_HISTORY_LAGS
+    """Ages of the measurements in `sensors_history`, in control steps, increasing from 0."""
+    sensors: tuple[Sensor, ...]
+    """Measured channels, in the order of the observation."""
+    task: Task
+
+    def __post_init__(self) -> None:
+        self._check_clock()
+        self._check_plant()
+        self._check_sensors()
+
+    def _check_clock(self) -> None:
+        require(
+            isinstance(self.name, str) and self.name.isidentifier(),
+            self,
+            "name",
+            "letters, digits and underscores, not beginning with a digit",
+        )
+        require_integer(self, "version", minimum=0)
+        require_number(self, "control_dt", positive=True)
+        require_number(self, "duration", positive=True)
+        require_integer(self, "n_substeps", minimum=1)
+        require_integer(self, "n_elements", minimum=1)
+        require_integer(self, "n_iterations", minimum=1)
+        for part, step, step_name in (
+            ("duration", self.control_dt, "control_dt"),
+            ("winch.command_delay", self.solver_dt, "the solver's step, control_dt / n_substeps"),
+        ):
+            value = self.winch.command_delay if "." in part else self.duration
+            if whole_number_of(value, step) is None:
+                raise ValueError(
+                    f"Scenario.{part} must be a whole number of steps of {step:g} s ({step_name}), "
+                    f"got {value!r}"
+                )
+
+    def _check_plant(self) -> None:
+        require(
+            (self.cable is None) != (self.linear_payload is None),
+            self,
+            "cable" if self.cable is None else "linear_payload",
+            "given exactly when the other of cable and linear_payload is null",
+        )
+        if self.cable is None:
+            for part in ("payload", "length"):
+                require(getattr(self, part) is None, self, part, "null with a linear_payload")
+            require(self.pay_out.speed == 0.0, self, "pay_out", "at rest with a linear_payload")
+            require(self.task.landing_depth is None, self.task, "landing_depth", "null with a linear_payload")
+            require(self.task.tension_limit is None, self.task, "tension_limit", "null with a linear_payload")
+        else:
+            require(self.payload is not None, self, "payload", "given with a cable")
+            require(self.length is not None, self, "length", "a positive number with a cable")
+            require_number(self, "length", positive=True)
+            shortest = self.initial_length + min(0.0, math.copysign(self.pay_out.distance, self.pay_out.speed))
+            require(
+                shortest > self.winch_reach,
+                self,
+                "length",
+                f"longer than what recovery and the winch's reach ({self.winch_reach:g} m) can haul in",
+            )
+            massless = self.cable.inertia_per_length == 0.0
+            require(
+                not massless or self.n_elements == 1,
+                self,
+                "n_elements",
+                "1 for a massless cable (a spring)",
+            )
+        if self.sea_state.kind == "recorded" and self.vessel is not None:
+            raise ValueError(
+                "Scenario.vessel must be null when sea_state.kind is recorded: the recording moves the boom "
+                "tip itself"
+            )
+
+    def _check_sensors(self) -> None:
+        require(
+            self.information_set in INFORMATION_SETS,
+            self,
+            "information_set",
+            f"one of {', '.join(INFORMATION_SETS)}",
+        )
+        require(len(self.sensors) > 0, self, "sensors", "a list of at least one sensor")
+        channels = [sensor.channel for sensor in self.sensors]
+        require(len(set(channels)) == len(channels), self, "sensors", "a list without repeated channels")
+        for sensor in self.sensors:
+            if whole_number_of(sensor.delay, self.control_dt) is None:
+                raise ValueError(
+                    f"Sensor.delay must be a whole number of control steps of {self.control_dt:g} s, "
+                    f"got {sensor.delay!r}"
+                )
+            if self.cable is None and sensor.channel in ("sheave_tension", "length"):
+                raise ValueError(
+                    f"Sensor.channel {sensor.channel!r} contradicts linear_payload: that plant has no cable"
+                )
+        lags = self.history_lags
+        require(
+            len(lags) > 0
+            and all(isinstance(lag, int) and lag >= 0 for lag in lags)
+            and all(a < b for a, b in zip(lags, lags[1:], strict=False)),
+            self,
+            "history_lags",
+            "increasing whole numbers of control steps, not negative",
+        )
+
+    # The clock -----------------------------------------------------------------------------------
+
+    @property
+    def n_steps(self) -> int:
+        """Control steps of an episode [-]."""
+        return round(self.duration / self.control_dt)
+
+    @property
+    def solver_dt(self) -> float:
+        """Time step of the solver [s]."""
+        return self.control_dt / self.n_substeps
+
+    @property
+    def delay_substeps(self) -> int:
+        """Command delay in solver steps [-]."""
+        return round(self.winch.command_delay / self.solver_dt)
+
+    @property
+    def n_pending(self) -> int:
+        """Commands given but not yet fully arrived at the winch at a control instant [-]."""
+        return -(-self.delay_substeps // self.n_substeps)
+
+    # The plant -----------------------------------------------------------------------------------
+
+    @property
+    def is_linear(self) -> bool:
+        """Whether the plant is the linear payload model."""
+        return self.linear_payload is not None
+
+    @property
+    def initial_length(self) -> float:
+        """Unstretched length outboard at the start [m]; zero for a linear payload."""
+        return float(self.length) if self.length is not None else 0.0
+
+    @property
+    def winch_reach(self) -> float:
+        """Largest winch displacement that a command can bring about [m]."""
+        stroke = self.winch.stroke_limit
+        return self.winch.command_range if stroke is None else min(stroke, self.winch.command_range)
+
+    def static_stretch(self, length: float) -> float:
+        """Elongation of the cable hanging in still water, L (w2 + w1 L / 2) / EA [m]."""
+        if self.cable is None or self.payload is None:
+            return 0.0
+        weight = self.payload.submerged_weight + 0.5 * self.cable.submerged_weight * length
+        return length * weight / self.cable.axial_stiffness
+
+    @property
+    def static_tension(self) -> float:
+        """Sheave tension hanging in still water at the initial length [N]; zero if linear."""
+        if self.cable is None or self.payload is None:
+            return 0.0
+        return self.payload.submerged_weight + self.cable.submerged_weight * self.initial_length
+
+    # What is seen --------------------------------------------------------------------------------
+
+    @property
+    def boom_tip_scale(self) -> float:
+        """Characteristic boom-tip heave, about one standard deviation [m]."""
+        gain = self.vessel.gain if self.vessel is not None else 1.0
+        return 0.25 * self.sea_state.significant_wave_height * gain or 1.0
+
+    def channel_scale(self, channel: str) -> tuple[float, float]:
+        """Scale and offset by which an observed channel is made of order one [unit of the channel]."""
+        for sensor in self.sensors:
+            if sensor.channel == channel and sensor.scale is not None:
+                return sensor.scale, sensor.offset
+        if channel == "sheave_tension":
+            return 0.1 * self.static_tension, self.static_tension
+        if channel == "length":
+            return max(self.initial_length, 1.0), self.initial_length
+        rate = self.sea_state.peak_omega if channel.endswith("rate") else 1.0
+        offset = next((sensor.offset for sensor in self.sensors if sensor.channel == channel), 0.0)
+        return self.boom_tip_scale * rate, offset
+
+    @property
+    def n_filter_states(self) -> int:
+        """States of the wave (and vessel) filter that a shaping-filter sea has [-]."""
+        if self.sea_state.kind != "shaping_filter":
+            return 0
+        return 6 if self.vessel is None else 8
+
+    @cached_property
+    def observed_sensors(self) -> tuple[Sensor, ...]:
+        """The sensors that the information set reads, with their scales filled in."""
+        if self.information_set == "full_state":
+            channels = [
+                channel
+                for channel in CHANNELS
+                if not (self.is_linear and channel in ("sheave_tension", "length"))
+                and not (channel == "length" and self.pay_out.speed == 0.0)
+            ]
+            bare = [Sensor(channel=channel) for channel in channels]
+        else:
+            bare = list(self.sensors)
+        filled = []
+        for sensor in bare:
+            scale, offset = self.channel_scale(sensor.channel)
+            filled.append(dataclasses.replace(sensor, scale=scale, offset=offset))
+        return tuple(filled)
+
+    @property
+    def observed_lags(self) -> tuple[int, ...]:
+        """Ages of the samples in the observation, in control steps."""
+        return self.history_lags if self.information_set == "sensors_history" else (0,)
+
+    @property
+    def observed_filter_states(self) -> int:
+        """Wave-filter states at the observation's end but for the pending commands [-]."""
+        return self.n_filter_states if self.information_set == "full_state" else 0
+
+    @cached_property
+    def observation_names(self) -> tuple[str, ...]:
+        """One name per entry of the observation: lag by lag the channels, filter states, commands."""
+        names = [
+            sensor.channel if lag == 0 else f"{sensor.channel}[-{lag}]"
+            for lag in self.observed_lags
+            for sensor in self.observed_sensors
+        ]
+        names += [f"filter_state_{i}" for i in range(self.observed_filter_states)]
+        names += [f"pending_command_{i + 1}" for i in range(self.n_pending)]
+        return tuple(names)
+
+    # Identity ------------------------------------------------------------------------------------
+
+    @cached_property
+    def fingerprint(self) -> str:
+        """Hash of everything that alters results: not of name, description and tags."""
+        content = to_mapping(self)
+        for label in ("name", "description", "tags"):
+            content.pop(label)
+        canonical = json.dumps(content, sort_keys=True)
+        return hashlib.sha256(canonical.encode()).hexdigest()[:16]
+
+    @property
+    def environment_id(self) -> str:
+        """The id that Gymnasium knows a named scenario by."""
+        return f"heave_env/{self.name}-v{self.version}"
+
+
+# To and from mappings and YAML -------------------------------------------------------------------
+
+_PARTS: dict[str, type] = {
+    "sea_state": SeaState,
+    "vessel": Vessel,
+    "winch": Winch,
+    "cable": Cable,
+    "payload": Payload,
+    "linear_payload": LinearPayload,
+    "pay_out": PayOut,
+    "task": Task,
+}
+
+
+def to_mapping(scenario: Scenario) -> dict[str, Any]:
+    """The scenario as nested plain dictionaries, lists, strings and numbers."""
+    mapping: dict[str, Any] = {}
+    for key, value in as_mapping(scenario).items():
+        if key in _PARTS:
+            mapping[key] = None if value is None else as_mapping(value)
+        elif key == "sensors":
+            mapping[key] = [as_mapping(sensor) for sensor in value]
+        else:
+            mapping[key] = list(value) if isinstance(value, tuple) else value
+    return mapping
+
+
+def from_mapping(mapping: Any) -> Scenario:
+    """The scenario of a nested mapping, strictly: no unknown key, no missing one.
+
+    Raises:
+        ValueError: If a key is unknown or missing, or a value is impossible.
+    """
+    if not isinstance(mapping, dict):
+        raise ValueError(f"a scenario must be a mapping of keys to values, got {type(mapping).__name__}")
+    values = dict(mapping)
+    for key, kind in _PARTS.items():
+        if values.get(key) is not None:
+            values[key] = _build(kind, values[key], key)
+    if "sensors" in values:
+        sensors = values["sensors"]
+        if not isinstance(sensors, list):
+            raise ValueError(f"sensors must be a list of sensors, got {sensors!r}")
+        values["sensors"] = tuple(_build(Sensor, item, f"sensors[{i}]") for i, item in enumerate(sensors))
+    for key in ("tags", "history_lags"):
+        if isinstance(values.get(key), list):
+            values[key] = tuple(values[key])
+    return _build(Scenario, values, "")
+
+
+def _build(kind: type, values: Any, path: str) -> Any:
+    if not isinstance(values, dict):
+        raise ValueError(f"{path} must be a mapping of keys to values, got {values!r}")
+    known = {item.name: item for item in dataclasses.fields(kind)}
+    where = f"{path}." if path else ""
+    for key in values:
+        if key not in known:
+            close = difflib.get_close_matches(str(key), known, n=1)
+            hint = f"did you mean {close[0]!r}?" if close else f"known keys: {', '.join(known)}"
+            raise ValueError(f"unknown key '{where}{key}'; {hint}")
+    for key, item in known.items():
+        required = item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING
+        if required and key not in values:
+            raise ValueError(f"missing key '{where}{key}'; give it a value")
+    converted = {}
+    for key, value in values.items():
+        annotation = str(known[key].type)
+        # YAML reads 5 as an integer: a length of 5 is a length of 5.0, whatever its spelling.
+        if annotation.startswith("float") and isinstance(value, int) and not isinstance(value, bool):
+            value = float(value)
+        converted[key] = value
+    return kind(**converted)
+
+
+def with_value(scenario: Scenario, path: str, value: Any) -> Scenario:
+    """A copy with the value at a dotted path replaced, such as `winch.time_constant`.
+
+    `sensors` entries are reached by channel: `sensors.payload_heave.noise_std`.
+
+    Raises:
+        ValueError: If the path leads nowhere or the value is impossible.
+    """
+    mapping = to_mapping(scenario)
+    keys = path.split(".")
+    place: Any = mapping
+    for depth, key in enumerate(keys):
+        if isinstance(place, list):
+            by_channel = {item["channel"]: item for item in place if isinstance(item, dict)}
+            known = list(by_channel)
+        else:
+            by_channel = {}
+            known = list(place) if isinstance(place, dict) else []
+        if key not in known:
+            close = difflib.get_close_matches(key, known, n=1)
+            hint = f"did you mean {close[0]!r}?" if close else f"known keys here: {', '.join(known) or 'none'}"
+            raise ValueError(f"unknown key {path!r}: there is no {key!r}; {hint}")
+        if depth == len(keys) - 1:
+            if by_channel:
+                raise ValueError(f"{path!r} names a whole sensor; name one of its values, as {path}.noise_std")
+            place[key] = value
+        else:
+            place = by_channel[key] if by_channel else place[key]
+            if place is None:
+                raise ValueError(f"cannot set {path!r}: {key!r} is null in scenario {scenario.name!r}")
+    return from_mapping(mapping)
+
+
+def field_docs(kind: type) -> dict[str, str]:
+    """The docstring beneath each field of a parameter class, as one line each."""
+    tree = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
+    assert isinstance(tree, ast.ClassDef)
+    docs = {}
+    for node, following in zip(tree.body, tree.body[1:], strict=False):
+        if (
+            isinstance(node, ast.AnnAssign)
+            and isinstance(node.target, ast.Name)
+            and isinstance(following, ast.Expr)
+            and isinstance(following.value, ast.Constant)
+            and isinstance(following.value.value, str)
+        ):
+            docs[node.target.id] = " ".join(following.value.value.split())
+    return docs
+
+
+def to_yaml(scenario: Scenario) -> str:
+    """The scenario as YAML, each key explained by a comment; `read` takes it back unchanged."""
+    lines = [
+        f"# heave_env scenario {scenario.name}. Units are SI; heave is positive up, pay-out outwards.",
+    ]
+    mapping = to_mapping(scenario)
+    docs = field_docs(Scenario)
+    for key, value in mapping.items():
+        if key in _PARTS:
+            summary = (inspect.getdoc(_PARTS[key]) or "").splitlines()[0]
+            lines += ["", f"# {summary}"]
+            if value is None:
+                lines.append(f"{key}: null")
+                continue
+            lines.append(f"{key}:")
+            part_docs = field_docs(_PARTS[key])
+            for name, item in value.items():
+                lines += _commented(name, item, part_docs.get(name, ""), "  ")
+        elif key == "sensors":
+            lines += ["", f"# {docs[key]}", "sensors:"]
+            for sensor in value:
+                lines.append(f"  - channel: {sensor['channel']}")
+                for name, item in sensor.items():
+                    if name != "channel":
+                        lines.append(f"    {name}: {_scalar(item)}")
+        else:
+            lines += _commented(key, value, docs.get(key, ""), "")
+    return "\n".join(lines) + "\n"
+
+
+def _commented(key: str, value: Any, doc: str, indent: str) -> list[str]:
+    comments = textwrap.wrap(doc, 100, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
+    return [*comments, f"{indent}{key}: {_scalar(value)}"]
+
+
+def _scalar(value: Any) -> str:
+    # JSON's scalars and flow lists are YAML's too; Python's repr of a float keeps every digit, but YAML
+    # 1.1 wants a point and a signed exponent to see a float in it.
+    if isinstance(value, float):
+        text = repr(value)
+        if "e" in text and "." not in text:
+            text = text.replace("e", ".0e")
+        return text
+    return json.dumps(value, ensure_ascii=False)
+
+
+def read(path: str | Path) -> Scenario:
+    """Reads a scenario from a YAML file.
+
+    A relative `sea_state.recording` is looked up beside the YAML file.
+
+    Raises:
+        ValueError: If the file cannot be read, is no YAML, or holds no valid scenario.
+    """
+    import yaml
+
+    path = Path(path)
+    try:
+        mapping = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"cannot read scenario file {str(path)!r}: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        detail = " ".join(str(error).split())
+        raise ValueError(f"{str(path)!r} is not valid YAML: {detail}") from error
+    try:
+        sea = mapping.get("sea_state") if isinstance(mapping, dict) else None
+        if isinstance(sea, dict) and isinstance(sea.get("recording"), str):
+            sea["recording"] = str((path.parent / sea["recording"]).resolve())
+        return from_mapping(mapping)
+    except ValueError as error:
+        raise ValueError(f"{str(path)!r}: {error}") from error
+
+
+# The registry ------------------------------------------------------------------------------------
+
+REGISTRY: dict[str, Callable[[], Scenario]] = {}
+"""Functions that build the named scenarios, by name."""
+
+
+def scenario(*tags: str) -> Callable[[Callable[[], Scenario]], Callable[[], Scenario]]:
+    """Registers a function as the scenario of its own name, described by its docstring."""
+
+    def register(build: Callable[[], Scenario]) -> Callable[[], Scenario]:
+        name = build.__name__  # type: ignore[attr-defined]
+
+        def named() -> Scenario:
+            description = " ".join((inspect.getdoc(build) or "").split())
+            return dataclasses.replace(build(), name=name, description=description, tags=tags)
+
+        REGISTRY[name] = named
+        return build
+
+    return register
+
+
+def names(tag: str | None = None) -> list[str]:
+    """Names of the registered scenarios, or of those that carry a tag."""
+    return [name for name, build in REGISTRY.items() if tag is None or tag in build().tags]
+
+
+def load(name: str | Path | Scenario) -> Scenario:
+    """A scenario by name, by the path of a YAML file, or as it is.
+
+    Raises:
+        ValueError: If there is neither such a name nor such a file.
+    """
+    if isinstance(name, Scenario):
+        return name
+    text = str(name)
+    if text in REGISTRY:
+        return REGISTRY[text]()
+    if text.endswith((".yaml", ".yml")) or Path(text).is_file():
+        return read(text)
+    close = difflib.get_close_matches(text, REGISTRY, n=1)
+    hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(REGISTRY)}, or a .yaml file"
+    raise ValueError(f"unknown scenario {text!r}; {hint}")
+
+
+# Named operations --------------------------------------------------------------------------------
+
+
+def _thesis_vessel() -> Vessel:
+    return Vessel(natural_omega=0.393, damping_ratio=0.6, gain=0.5)
+
+
+def _thesis_sea() -> SeaState:
+    # 10 ft and 0.785 rad/s: sea state 5, wind about 20 knots (Huang 1992, 6.3.6).
+    return SeaState(significant_wave_height=3.048, peak_omega=0.785)
+
+
+def _thesis_boom_tip() -> SeaState:
+    # Figure 6.10: a boom tip that follows a Pierson-Moskowitz spectrum itself.
+    return SeaState(
+        kind="random_phase",
+        significant_wave_height=6.0,
+        peak_omega=peak_omega_of_zero_crossing_period(14.0),
+    )
+
+
+def circular_section(diameter: float) -> float:
+    """Area of a full circular section, π d² / 4 [m²]."""
+    return 0.25 * math.pi * diameter**2
+
+
+def _thesis_cable_and_payload() -> dict[str, Any]:
+    # Huang (1992), 6.2.6. The unit's 125 t is its effective mass: added mass is in it.
+    return {
+        "length": 900.0,
+        "cable": Cable(
+            mass_per_length=7.2,
+            axial_stiffness=9.09e9 * circular_section(0.047),
+            submerged_weight=54.0,
+            diameter=0.047,
+            tangential_drag_coefficient=0.025,
+        ),
+        "payload": Payload(mass=125_000.0, submerged_weight=50_000.0, drag_area=1.0),
+    }
+
+
+def _payload_sensors(*, noise_std: float = 0.0, noise_density: float = 0.0) -> tuple[Sensor, ...]:
+    return tuple(
+        Sensor(channel=channel, noise_std=noise_std, noise_density=noise_density)
+        for channel in ("payload_heave", "payload_heave_rate")
+    )
+
+
+def _exact_thesis_sensors() -> tuple[Sensor, ...]:
+    # Chapter 6.2 feeds back the payload's motion and the winch's displacement, measured exactly.
+    return (*_payload_sensors(), Sensor(channel="winch_displacement"))
+
+
+def _survey_sensors() -> tuple[Sensor, ...]:
+    # Payload by acoustic and pressure sensors fused to 5 mm; boom tip by a motion reference unit.
+    return (
+        *_payload_sensors(noise_std=0.005),
+        Sensor(channel="boom_tip_heave", noise_std=0.01),
+        Sensor(channel="boom_tip_heave_rate", noise_std=0.01),
+        Sensor(channel="winch_displacement", noise_std=0.001),
+    )
+
+
+@scenario("thesis", "linear", "optimum_known")
+def thesis_linear() -> Scenario:
+    """The thesis's stochastic-control example (H 6.3.6): a linear payload under a Bretschneider sea, its
+    position and velocity measured with white noise of density 1e-6; the optimum is known.
+    """
+    return Scenario(
+        name="unnamed",
+        sea_state=_thesis_sea(),
+        vessel=_thesis_vessel(),
+        winch=Winch(time_constant=1.0, command_range=2.0),
+        linear_payload=LinearPayload(inertia=0.8959, damping=0.1658),
+        sensors=_payload_sensors(noise_density=1e-6),
+        task=Task(position_weight=554.0, command_weight=1.0),
+    )
+
+
+@scenario("thesis", "linear")
+def thesis_regulator() -> Scenario:
+    """The thesis's regulator (H 6.2.4-6.2.6): the linear payload with the printed a and b under an
+    irregular boom tip of 6 m significant height and 14 s zero-crossing period, without delay.
+    """
+    return Scenario(
+        name="unnamed",
+        sea_state=_thesis_boom_tip(),
+        winch=Winch(time_constant=1.0, command_range=16.0),
+        linear_payload=LinearPayload(inertia=7.339769, damping=0.1906759),
+        sensors=_exact_thesis_sensors(),
+        task=Task(position_weight=1e4, command_weight=1.0),
+    )
+
+
+@scenario("thesis", "linear", "delay")
+def thesis_regulator_delay() -> Scenario:
+    """The thesis's regulator (H 6.2.5-6.2.6) with 0.2 s of delay between command and winch."""
+    return dataclasses.replace(
+        thesis_regulator(),
+        winch=Winch(time_constant=1.0, command_range=16.0, command_delay=0.2),
+        task=Task(position_weight=1e5, command_weight=1.0),
+    )
+
+
+@scenario("thesis", "cable")
+def thesis_cable() -> Scenario:
+    """The thesis's 900 m cable with its 125 t unit (H 6.2.6) under the irregular boom tip of figure 6.10;
+    the cable carries compression, as in the thesis, so its tension may be negative.
+    """
+    return Scenario(
+        name="unnamed",
+        sea_state=_thesis_boom_tip(),
+        winch=Winch(time_constant=1.0, command_range=16.0),
+        sensors=_exact_thesis_sensors(),
+        task=Task(position_weight=1e4, command_weight=1.0),
+        **_thesis_cable_and_payload(),
+    )
+
+
+@scenario("cable", "delay", "demo")
+def sea_state_5() -> Scenario:
+    """The thesis's 900 m cable under its sea state 5 and vessel (H 6.3.6), with 0.2 s of command delay
+    and noisy sensors on payload, boom tip and winch.
+    """
+    return Scenario(
+        name="unnamed",
+        sea_state=_thesis_sea(),
+        vessel=_thesis_vessel(),
+        winch=Winch(time_constant=1.0, command_range=2.0, command_delay=0.2),
+        sensors=_survey_sensors(),
+        task=Task(position_weight=1e4, command_weight=1.0),
+        **_thesis_cable_and_payload(),
+    )
+
+
+@scenario("thesis", "cable", "pay_out", "slack")
+def lowering() -> Scenario:
+    """Deployment from 50 m at 2 m/s (H 3.3.5): the lengthening cable changes the payload's response on the
+    way down. Weights, drag and sea are ours, for the thesis does not print them.
+    """
+    return Scenario(
+        name="unnamed",
+        n_iterations=4,
+        sea_state=SeaState(significant_wave_height=2.5, peak_omega=0.838),
+        vessel=_thesis_vessel(),
+        winch=Winch(time_constant=1.0, command_range=2.0),
+        length=50.0,
+        cable=Cable(
+            mass_per_length=7.2,
+            axial_stiffness=9.05e9 * circular_section(0.047),
+            submerged_weight=54.0,
+            diameter=0.047,
+            tangential_drag_coefficient=0.025,
+            axial_damping=0.005 * 9.05e9 * circular_section(0.047),
+            tension_only=True,
+        ),
+        payload=Payload(mass=5_000.0, added_mass=8_000.0, submerged_weight=35_000.0, drag_area=4.0),
+        pay_out=PayOut(speed=2.0, start=20.0, distance=700.0),
+        sensors=(*_survey_sensors(), Sensor(channel="length")),
+        task=Task(position_weight=1e4, command_weight=1.0),
+    )
+
+
+@scenario("cable", "slack")
+def snap() -> Scenario:
+    """Berteaux's example 9.5: an instrument package on 3000 ft of 3/8 inch wire, the sheave moving 7 ft up
+    and down every 4 s; the wire goes slack and snaps taut.
+    """
+    foot, pound_mass, pound_force, slug = 0.3048, 0.45359237, 4.4482216152605, 14.59390294
+    axial_stiffness = 1.8e6 * pound_force
+    return Scenario(
+        name="unnamed",
+        n_substeps=5,
+        n_iterations=4,
+        sea_state=SeaState(
+            kind="regular", significant_wave_height=2.0 * 7.0 * foot, peak_omega=2.0 * math.pi / 4.0
+        ),
+        winch=Winch(time_constant=0.5, command_range=4.0, speed_limit=2.0),
+        length=3000.0 * foot,
+        cable=Cable(
+            # Immersed 0.191 lb/ft (printed); dry mass of solid steel of that immersed weight.
+            mass_per_length=0.191 * 7850.0 / (7850.0 - 1025.0) * pound_mass / foot,
+            axial_stiffness=axial_stiffness,
+            submerged_weight=0.191 * pound_force / foot,
+            diameter=0.375 * foot / 12.0,
+            tangential_drag_coefficient=0.01,
+            axial_damping=0.005 * axial_stiffness,
+            tension_only=True,
+            breaking_strength=14_800.0 * pound_force,
+        ),
+        payload=Payload(
+            mass=4200.0 * pound_mass,
+            added_mass=12.0 * slug,
+            submerged_weight=2000.0 * pound_force,
+            drag_area=3.14 * foot**2,
+        ),
+        sensors=(*_survey_sensors(), Sensor(channel="sheave_tension", noise_std=100.0)),
+        task=Task(position_weight=100.0, command_weight=1.0, tension_limit=0.5 * 14_800.0 * pound_force),
+    )
+
+
+@scenario("cable", "resonance")
+def deep_resonance() -> Scenario:
+    """A 12 t package at 2000 m whose cable resonates at 11 s, inside the wave band."""
+    return Scenario(
+        name="unnamed",
+        n_iterations=4,
+        sea_state=SeaState(significant_wave_height=2.0, peak_omega=0.6),
+        vessel=Vessel(natural_omega=0.8, damping_ratio=0.5, gain=0.6),
+        winch=Winch(time_constant=1.0, command_range=5.0, command_delay=0.2),
+        length=2000.0,
+        cable=Cable(
+            mass_per_length=7.2,
+            axial_stiffness=9.09e9 * circular_section(0.047),
+            submerged_weight=54.0,
+            diameter=0.047,
+            tangential_drag_coefficient=0.025,
+            axial_damping=0.005 * 9.09e9 * circular_section(0.047),
+            tension_only=True,
+        ),
+        payload=Payload(mass=12_000.0, added_mass=8_000.0, submerged_weight=100_000.0, drag_area=8.0),
+        sensors=(*_survey_sensors(), Sensor(channel="sheave_tension", noise_std=500.0)),
+        task=Task(position_weight=1e3, command_weight=1.0),
+    )
