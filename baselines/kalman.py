@@ -1,0 +1,157 @@
+"""The stationary Kalman filter on what the sensors really give.
+
+In the current-estimator form: the measurement of an instant corrects the prior estimate of the same instant,
+
+    estimate = prior + M (y - C prior),   next prior = A estimate + B u0,   M = P Cᵀ (C P Cᵀ + V)⁻¹,
+
+with P the prior's covariance from the discrete Riccati equation. Pending commands are known, not estimated:
+they are no outputs of the filter and have no covariance. A filter that starts from zero needs about 100 s
+before the sea's slow states have settled.
+
+Source: Kalman (1960); Franklin, Powell and Workman (1998), current estimator; Huang (1992), 6.3.4.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+from scipy.linalg import solve_continuous_are, solve_discrete_are
+
+from baselines.linear_controller import observation_units
+from baselines.model import MODELLED_CHANNELS, ContinuousModel, LinearModel, linear_model
+from heave_env.scenarios import Scenario
+from heave_env.sea import Array
+
+
+@dataclass(frozen=True, eq=False)
+class KalmanFilter:
+    """Stationary filter of a scenario; estimates are rows (n_envs, n_states) in the model's SI units."""
+
+    model: LinearModel
+    """The model, seen through the outputs that the filter uses."""
+    prior_covariance: Array
+    """Of the estimate's error before the measurement, (n_states, n_states)."""
+    gain: Array
+    """M, (n_states, n_outputs)."""
+
+    @cached_property
+    def posterior_covariance(self) -> Array:
+        """Of the estimate's error after the measurement (Joseph's form), (n_states, n_states)."""
+        rest = np.eye(self.model.n_states) - self.gain @ self.model.C
+        return np.asarray(rest @ self.prior_covariance @ rest.T + self.gain @ self.model.V @ self.gain.T)
+
+    def start(self, n_envs: int) -> Array:
+        """Prior estimate of rows that begin: the mean, zero."""
+        return np.zeros((n_envs, self.model.n_states))
+
+    def corrected(self, prior: Array, measurement: Array) -> Array:
+        """Estimate after a measurement in SI units, (n_envs, n_outputs)."""
+        return np.asarray(prior + (measurement - prior @ self.model.C.T) @ self.gain.T)
+
+    def advanced(self, estimate: Array, command: Array) -> Array:
+        """Next prior after a command in metres, (n_envs, 1)."""
+        return np.asarray(estimate @ self.model.A.T + command @ self.model.B.T)
+
+
+def filter_covariance(A: Array, C: Array, W: Array, V: Array) -> Array:
+    """Stationary covariance of the prior's error, A P Aᵀ - A P Cᵀ (C P Cᵀ + V)⁻¹ C P Aᵀ + W = P.
+
+    SciPy's solver on the dual problem; where it finds no answer (states spread over too many orders of
+    magnitude), structure-preserving doubling.
+
+    Raises:
+        ValueError: If no stationary filter exists.
+    """
+    size = np.sqrt(np.diag(V))
+    C, V = C / size[:, None], V / size[:, None] / size
+    try:
+        P = np.asarray(solve_discrete_are(A.T, C.T, W, V))
+    except (np.linalg.LinAlgError, ValueError):
+        P = doubled_riccati(A, C, W, V)
+    return 0.5 * (P + P.T)
+
+
+def doubled_riccati(A: Array, C: Array, W: Array, V: Array, *, n_doublings: int = 60) -> Array:
+    """The same by structure-preserving doubling: iteration k reaches the covariance after 2^k steps.
+
+    Source: Anderson (1978); Chu et al. (2004).
+
+    Raises:
+        ValueError: If it does not converge.
+    """
+    # Dual regulator: transition Aᵀ, weight W, and input matrix Cᵀ with weight V.
+    transition, G, H = A.T.copy(), C.T @ np.linalg.solve(V, C), W.copy()
+    eye = np.eye(len(A))
+    for _ in range(n_doublings):
+        inverse = np.linalg.solve(eye + G @ H, np.hstack([transition, G]))
+        forward, mixed = inverse[:, : len(A)], inverse[:, len(A) :]
+        H_next = H + transition.T @ H @ forward
+        G = G + transition @ mixed @ transition.T
+        transition = transition @ forward
+        change = float(np.max(np.abs(H_next - H)))
+        H = 0.5 * (H_next + H_next.T)
+        if not np.isfinite(change):
+            break
+        if change <= 1e-14 * float(np.max(np.abs(H))):
+            return np.asarray(H)
+    raise ValueError(
+        "no stationary Kalman filter exists for this scenario's sensors; add a sensor, or noise to one"
+    )
+
+
+def filter_outputs(scenario: Scenario) -> tuple[str, ...]:
+    """Entries of the observation that a filter corrects by: newest samples that the model expresses."""
+    return tuple(
+        name
+        for name in scenario.observation_names
+        if name in MODELLED_CHANNELS or name.startswith("filter_state")
+    )
+
+
+def kalman_filter(scenario: Scenario) -> KalmanFilter:
+    """Designs the stationary filter for a scenario's sensors.
+
+    Raises:
+        ValueError: If the sea is calm or nothing that the model expresses is measured.
+    """
+    outputs = filter_outputs(scenario)
+    if not outputs:
+        raise ValueError(
+            f"scenario {scenario.name!r} measures nothing that a linear filter can use; add a sensor of "
+            f"{', '.join(MODELLED_CHANNELS)}"
+        )
+    model = linear_model(scenario).select(outputs)
+    if scenario.observed_filter_states:
+        # Every state is seen exactly: a filter of the measured ones, with single precision's noise.
+        floor = np.where(np.diag(model.V) > 0.0, np.diag(model.V), 1e-12)
+        model = LinearModel(
+            model.A, model.B, model.C, model.W, np.diag(floor), model.states, outputs, model.thesis_sizes
+        )
+    P = filter_covariance(model.A, model.C, model.W, model.V)
+    gain = np.linalg.solve(model.C @ P @ model.C.T + model.V, model.C @ P).T
+    return KalmanFilter(model, P, np.asarray(gain))
+
+
+def measurement_of(scenario: Scenario, observation: Array, outputs: tuple[str, ...]) -> Array:
+    """Entries of an observation batch in SI units, (n_envs, n_outputs)."""
+    columns = [scenario.observation_names.index(name) for name in outputs]
+    scale, offset = observation_units(scenario, outputs)
+    return np.asarray(observation[:, columns].astype(float) * scale + offset)
+
+
+def continuous_filter(model: ContinuousModel, C: Array, densities: Array) -> tuple[Array, Array]:
+    """Kalman-Bucy filter of the thesis's continuous model.
+
+    Args:
+        model: The model with its sea.
+        C: Measured outputs, (n_outputs, n_states).
+        densities: Spectral density of each output's white noise [unit² s], (n_outputs,).
+
+    Returns:
+        Gain (n_states, n_outputs) and covariance of the estimate's error (n_states, n_states).
+    """
+    V = np.diag(densities)
+    P = solve_continuous_are(model.A.T, C.T, model.noise, V)
+    return np.asarray(P @ C.T @ np.linalg.inv(V)), np.asarray(P)

@@ -1,0 +1,139 @@
+"""The stochastic-optimal controller: Kalman filter and Riccati gain in series, delay and sea included.
+
+The gain acts on the estimate of the payload, the winch, the commands under way and the sea's own states: it
+knows what the boom tip is about to do. Where the whole state is observed exactly (`full_state` with a shaping
+filter) it needs no filter and no memory.
+
+On a linear scenario without limits it is optimal, and its predicted cost is what no causal controller with
+the same sensors can beat (see `baselines.bound`). On a cable it is the optimum of the identified model.
+
+Source: Huang (1992), 6.3.4, (6.28)-(6.31); Åström (1970), separation theorem.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from baselines.kalman import KalmanFilter, continuous_filter, kalman_filter
+from baselines.linear_controller import LinearController, controller
+from baselines.lqr import continuous_gain, sampled_gain
+from baselines.model import ContinuousModel, linear_model
+from heave_env.scenarios import Scenario
+from heave_env.sea import Array
+
+
+def lqg(scenario: Scenario) -> LinearController:
+    """Designs the stochastic-optimal controller for a scenario and its sensors.
+
+    Raises:
+        ValueError: If the sea is calm, or nothing that the model expresses is measured.
+    """
+    model = linear_model(scenario)
+    gain, _ = sampled_gain(model.A, model.B, scenario.task.position_weight, scenario.task.command_weight)
+    index = model.energy_index(gain)
+    if sees_everything(scenario):
+        return controller(
+            "lqg",
+            scenario,
+            model.states,
+            D=gain,
+            gain=gain,
+            states=model.states,
+            energy_index=index,
+            truth=model,
+        )
+    estimator = kalman_filter(scenario)
+    A, B, C, M = model.A, model.B, estimator.model.C, estimator.gain
+    # estimate = (I - M C) prior + M y, in the form of `LinearController` with the prior as its memory.
+    rest = np.eye(model.n_states) - M @ C
+    return controller(
+        "lqg",
+        scenario,
+        estimator.model.outputs,
+        F=A @ rest,
+        G=A @ M,
+        H=B,
+        L=gain @ rest,
+        D=gain @ M,
+        gain=gain,
+        states=model.states,
+        energy_index=index,
+        truth=model,
+    )
+
+
+def sees_everything(scenario: Scenario) -> bool:
+    """Whether the observation holds the model's whole state without noise."""
+    if not scenario.observed_filter_states:
+        return False
+    return set(linear_model(scenario).states) <= set(scenario.observation_names)
+
+
+def predicted_cost(scenario: Scenario, estimator: KalmanFilter | None) -> float:
+    """Average cost of the optimal controller by the trace formula, tr(S W) + tr(Kᵀ (Bᵀ S B + r) K Σ).
+
+    The first term is what the sea costs even when it is known, the second what not knowing it adds; Σ is the
+    covariance of the estimate's error.
+
+    Args:
+        scenario: The operation.
+        estimator: The filter, or None when the state is observed exactly.
+    """
+    model = linear_model(scenario)
+    r = scenario.task.command_weight
+    K, S = sampled_gain(model.A, model.B, scenario.task.position_weight, r)
+    cost = float(np.trace(S @ model.W))
+    if estimator is not None:
+        error = (K @ estimator.posterior_covariance @ K.T).item()
+        cost += error * (r + (model.B.T @ S @ model.B).item())
+    return cost
+
+
+@dataclass(frozen=True)
+class ContinuousPerformance:
+    """Stationary figures of the thesis's continuous design."""
+
+    payload_heave_std: float
+    """[m]."""
+    command_std: float
+    """[m]."""
+    energy_index: float
+    """sqrt(Σ G²) in the thesis's coordinates [-]."""
+
+
+def continuous_performance(
+    model: ContinuousModel,
+    position_weight: float,
+    command_weight: float,
+    *,
+    outputs: Array | None = None,
+    densities: Array | None = None,
+) -> ContinuousPerformance:
+    """The thesis's continuous stochastic-optimal design, on its own model.
+
+    Args:
+        model: (6.28).
+        position_weight: q [1/m²].
+        command_weight: r [1/m²].
+        outputs: Measured outputs (n_outputs, n_states); None: the whole state is known.
+        densities: Spectral density of each output's white noise [unit² s], (n_outputs,).
+    """
+    gain = continuous_gain(model.A, model.B1, position_weight, command_weight)
+    if outputs is None or densities is None:
+        P = model.covariance(gain)
+        covariance, estimate = P, P
+    else:
+        # The error is uncorrelated with the estimate, which is driven by the innovation M C e + M noise.
+        M, error = continuous_filter(model, outputs, densities)
+        closed = ContinuousModel(model.A - model.B1 @ gain, model.B1, model.B2, model.thesis_sizes).A
+        from scipy.linalg import solve_continuous_lyapunov
+
+        estimate = solve_continuous_lyapunov(closed, -M @ np.diag(densities) @ M.T)
+        covariance = estimate + error
+    return ContinuousPerformance(
+        payload_heave_std=float(np.sqrt(covariance[0, 0])),
+        command_std=float(np.sqrt((gain @ estimate @ gain.T).item())),
+        energy_index=model.energy_index(gain),
+    )

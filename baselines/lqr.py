@@ -1,0 +1,119 @@
+"""The thesis's regulator: a Riccati gain on payload heave, its rate and the winch's displacement.
+
+It knows neither the sea nor the command's delay. Where the winch's displacement is not measured, the
+controller models it from its own commands.
+
+Source: Huang (1992), 6.2.4, (6.6)-(6.10).
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+from scipy.linalg import solve_continuous_are, solve_discrete_are
+
+from baselines.linear_controller import LinearController, controller
+from baselines.model import LinearModel, linear_model, payload_model, regulator_matrices
+from heave_env.scenarios import Scenario
+from heave_env.sea import Array
+
+DESIGNS = ("sampled", "continuous")
+PAYLOAD_MOTION = ("payload_heave", "payload_heave_rate")
+
+
+def continuous_gain(A: Array, B: Array, position_weight: float, command_weight: float) -> Array:
+    """Gain K of u0 = -K x that minimises ∫ (q x² + r u0²) dt, x being the first state, (1, n).
+
+    Source: Huang (1992), (6.10), with the sign of the feedback taken out.
+    """
+    Q = np.zeros_like(A)
+    Q[0, 0] = position_weight
+    M = solve_continuous_are(A, B, Q, np.array([[command_weight]]))
+    return np.asarray(B.T @ M / command_weight)
+
+
+def sampled_gain(A: Array, B: Array, position_weight: float, command_weight: float) -> tuple[Array, Array]:
+    """Gain K of u0_k = -K s_k that minimises E[q x² + r u0²], x being the first state, and the cost matrix.
+
+    Returns:
+        K (1, n) and S (n, n), the solution of the discrete Riccati equation.
+    """
+    Q = np.zeros_like(A)
+    Q[0, 0] = position_weight
+    S = solve_discrete_are(A, B, Q, np.array([[command_weight]]))
+    K = np.linalg.solve(command_weight + B.T @ S @ B, B.T @ S @ A)
+    return np.asarray(K), np.asarray(S)
+
+
+def lqr(scenario: Scenario, *, design: str = "sampled") -> LinearController:
+    """Designs the regulator for a scenario.
+
+    Args:
+        scenario: The operation; its task weighs position against command.
+        design: `sampled`, exact for commands held over a control step, or `continuous`, the thesis's (6.10).
+
+    Returns:
+        The controller. Its `performance` is that with the true delay, which it ignores, and with the sensors'
+        noise.
+
+    Raises:
+        ValueError: If payload heave or its rate is not measured, or the design is unknown.
+    """
+    if design not in DESIGNS:
+        raise ValueError(f"design of lqr must be one of {', '.join(DESIGNS)}, got {design!r}")
+    require_payload_motion(scenario, "lqr")
+    q, r = scenario.task.position_weight, scenario.task.command_weight
+    if design == "continuous":
+        A, B, _ = regulator_matrices(payload_model(scenario), scenario.winch.rate_constant)
+        gain = continuous_gain(A, B, q, r)
+    else:
+        model = linear_model(scenario, sea=False, delay=False)
+        gain, _ = sampled_gain(model.A[:3, :3], model.B[:3], q, r)
+    states = (*PAYLOAD_MOTION, "winch_displacement")
+    measured = measured_entries(scenario)
+    truth = truth_model(scenario)
+    index = float(np.linalg.norm(gain))
+    if "winch_displacement" in measured:
+        return controller(
+            "lqr", scenario, states, D=gain, gain=gain, states=states, energy_index=index, truth=truth
+        )
+    # u_{k+1} = p u_k + (1 - p) u0_k, from the controller's own commands.
+    p = math.exp(-scenario.winch.rate_constant * scenario.control_dt)
+    return controller(
+        "lqr",
+        scenario,
+        PAYLOAD_MOTION,
+        D=gain[:, :2],
+        F=np.array([[p]]),
+        G=np.zeros((1, 2)),
+        H=np.array([[1.0 - p]]),
+        L=gain[:, 2:],
+        gain=gain,
+        states=states,
+        energy_index=index,
+        truth=truth,
+    )
+
+
+def measured_entries(scenario: Scenario) -> tuple[str, ...]:
+    """Channels whose newest sample stands in the observation under its plain name."""
+    return tuple(name for name in scenario.observation_names if "[" not in name)
+
+
+def require_payload_motion(scenario: Scenario, name: str) -> None:
+    """Raises `ValueError` unless the payload's heave and rate are measured."""
+    measured = measured_entries(scenario)
+    for channel in PAYLOAD_MOTION:
+        if channel not in measured:
+            raise ValueError(
+                f"controller {name!r} needs {channel} measured, which scenario {scenario.name!r} does not "
+                f"(its newest measurements: {', '.join(measured)}); add that sensor or choose lqg"
+            )
+
+
+def truth_model(scenario: Scenario) -> LinearModel | None:
+    """The linear model with sea and delay that performance is predicted on; None when the sea is calm."""
+    from baselines.model import sea_filter
+
+    return None if sea_filter(scenario) is None else linear_model(scenario)
