@@ -21,6 +21,8 @@ from functools import cached_property
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 from heave_env.parameters import (
     Cable,
     LinearPayload,
@@ -37,6 +39,7 @@ from heave_env.parameters import (
 )
 from heave_env.sensors import CHANNELS, INFORMATION_SETS, Sensor
 from heave_env.task import Task
+from heave_env.vessel import boom_tip_lines
 
 DEFAULT_HISTORY_LAGS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
 """Control steps back whose measurements `sensors_history` holds."""
@@ -237,6 +240,30 @@ class Scenario:
         if self.cable is None or self.payload is None:
             return 0.0
         return self.payload.submerged_weight + self.cable.submerged_weight * self.initial_length
+
+    @cached_property
+    def uncontrolled_payload_std(self) -> float:
+        """Standard deviation of the payload's heave with the winch locked, by linear theory [m].
+
+        From the boom tip's spectrum and the closed-form response at the initial length, drag
+        linearised for the motion that comes out of it. An estimate where the cable goes slack.
+        """
+        from heave_env.cable.closed_form import linearised_payload_std
+
+        omega, variance = boom_tip_lines(self.sea_state, self.vessel)
+        if self.linear_payload is not None:
+            a, b = self.linear_payload.inertia, self.linear_payload.damping
+            response = 1.0 / (1.0 - a * omega**2 + 1j * b * omega)
+            return math.sqrt(float(np.sum(variance * np.abs(response) ** 2)))
+        assert self.cable is not None and self.payload is not None
+        return linearised_payload_std(omega, variance, self.cable, self.payload, self.initial_length)
+
+    @property
+    def uncontrolled_cost(self) -> float:
+        """Mean stage cost with the winch locked, by linear theory; in a calm sea that of full command [-]."""
+        if self.sea_state.kind == "calm":
+            return self.task.command_weight * self.winch.command_range**2
+        return self.task.position_weight * self.uncontrolled_payload_std**2
 
     # What is seen --------------------------------------------------------------------------------
 

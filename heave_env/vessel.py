@@ -7,7 +7,7 @@ import math
 import numpy as np
 
 from heave_env.parameters import SeaState, Vessel
-from heave_env.sea import Array, Components, LinearFilter, bretschneider, wave_filter
+from heave_env.sea import Array, Components, LinearFilter, bretschneider, read_motion, wave_filter
 
 
 def heave_response(omega: Array, vessel: Vessel | None) -> Array:
@@ -85,3 +85,26 @@ def boom_tip_components(sea_state: SeaState, vessel: Vessel | None) -> Component
     middle = 0.5 * (edges[:-1] + edges[1:])
     elevation = math.sqrt(2.0 * sea_state.variance / n)
     return Components(edges[:-1], np.diff(edges), elevation * np.abs(heave_response(middle, vessel)))
+
+
+def boom_tip_lines(sea_state: SeaState, vessel: Vessel | None) -> tuple[Array, Array]:
+    """The boom tip's heave as lines: frequencies [rad/s] and the variance at each [m²].
+
+    Of a spectral sea fine slices of the spectrum, of a regular one its single line, of a recording its
+    periodogram; empty for a calm sea.
+    """
+    if sea_state.kind == "calm":
+        return np.zeros(0), np.zeros(0)
+    if sea_state.kind == "regular":
+        components = boom_tip_components(sea_state, vessel)
+        return components.low, 0.5 * components.amplitude**2
+    if sea_state.kind == "recorded":
+        assert sea_state.recording is not None
+        recording = read_motion(sea_state.recording)
+        n = 4096
+        instants = np.linspace(0.0, recording.time[-1] - recording.time[0], n)
+        heave = recording.sampled(instants)[0]
+        transform = np.fft.rfft(heave - heave.mean())[1:-1]
+        return 2.0 * math.pi * np.fft.rfftfreq(n, instants[1])[1:-1], 2.0 * np.abs(transform / n) ** 2
+    omega = sea_state.peak_omega * np.linspace(0.01, 6.0, 3000)
+    return omega, boom_tip_spectrum(omega, sea_state, vessel) * (omega[1] - omega[0])

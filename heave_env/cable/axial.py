@@ -1,0 +1,462 @@
+"""1-D cable of varying length with a payload: the environment's own cable.
+
+Inside this module positive is DOWN for displacement, velocity and sheave heave; the kernel converts
+at the door. s is the material coordinate measured up from the payload, L(t) the unstretched length
+outboard, y = 1 - s/L in [0, 1] (0 sheave, 1 payload), X = L - s + U the position, W the absolute
+velocity of the material:
+
+    cable    (m + m_a) DW/Dt = ∂T/∂y / L + w1 - (π/2) ρ d C_t |W| W
+    payload  (M_s + M_a) DW/Dt = w2 - T(1) - (1/2) ρ S C_d |W| W
+    sheave   U(0) = R(t)
+    tension  T = EA e + C_A De/Dt,  e = ∂U/∂y / L  (and T = 0 where that is not positive, if the cable
+             is tension-only)
+
+On the fixed grid D/Dt = ∂/∂t + (1 - y)(L'/L) ∂/∂y, which is zero at the payload. Both position and
+velocity are carried, so L' may jump and L'' never appears: a step knows only how much cable went out.
+
+Source: Huang (1992), chapter 3, in the material form: his (3.1)-(3.7) lack the convective terms.
+
+The model stops holding where lateral motion matters (currents, a towed cable) and where the payload
+meets the sheave. Convection is left out of the Kelvin term, where it is below 1 N.
+
+Scheme: the implicit midpoint rule with a finite-volume grid in y (half a cell of cable goes with the
+payload). Second order in time and space, unconditionally stable, without algorithmic damping; drag is
+linearised by Newton about the last velocity. Each step is one tridiagonal solve per iteration. A
+linear cable wants one iteration; a tension-only one several, and Kelvin damping of some milliseconds
+(C_A = EA · 5 ms): without it the chain does not settle as the grid is refined.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from functools import cached_property
+
+import numpy as np
+from numba import njit
+
+from heave_env.compiled import source_fingerprint, stage
+from heave_env.layout import (
+    CABLE_DAMPING,
+    CABLE_DRAG,
+    CABLE_INERTIA,
+    CABLE_STIFFNESS,
+    CABLE_WEIGHT,
+    DISPLACEMENT,
+    ELEMENT_OFFSET,
+    ELEMENT_STIFFNESS,
+    LENGTH,
+    LENGTH_OLD,
+    LENGTH_SPEED,
+    LOAD,
+    MID_LENGTH,
+    N_FIXED,
+    N_NODE_FIELDS,
+    PAYLOAD_DRAG,
+    PAYLOAD_INERTIA,
+    PAYLOAD_TENSION,
+    PAYLOAD_WEIGHT,
+    SCRATCH,
+    SHEAVE_NEW,
+    SHEAVE_OLD,
+    SHEAVE_TENSION,
+    SLACK,
+    SUPER,
+    TENSION_MAX,
+    TENSION_MIN,
+    TRIAL_DISPLACEMENT,
+    TRIAL_VELOCITY,
+    VELOCITY,
+)
+from heave_env.parameters import Cable, Payload
+
+Array = np.ndarray
+
+_CONVECTION = SCRATCH  # κ = L'/L at mid-step
+_NODE_MASS = SCRATCH + 1
+_NODE_DRAG = SCRATCH + 2
+_NODE_WEIGHT = SCRATCH + 3
+_PER_OLD_SPACING = SCRATCH + 4
+_PER_MID_SPACING = SCRATCH + 5
+
+
+@stage
+def _constitutive_pass(S, nodes, n_elements, n_lanes, dt, tension_only, first):
+    """Linearised law of each element: T = stiffness · (Ū_{j+1} - Ū_j) + offset, about the trial state."""
+    real = S.dtype.type
+    beta = real(2.0 / dt)
+    zero = real(0.0)
+    trial = DISPLACEMENT if first else TRIAL_DISPLACEMENT
+    for j in range(n_elements):
+        here = nodes + N_NODE_FIELDS * j
+        below = here + N_NODE_FIELDS
+        for lane in range(n_lanes):
+            EA, CA = S[CABLE_STIFFNESS, lane], S[CABLE_DAMPING, lane]
+            old_elongation = S[below + DISPLACEMENT, lane] - S[here + DISPLACEMENT, lane]
+            old_strain = old_elongation * S[_PER_OLD_SPACING, lane]
+            stiffness = (EA + beta * CA) * S[_PER_MID_SPACING, lane]
+            offset = -beta * CA * old_strain
+            if tension_only:
+                # The first trial is the state at the step's start, whose tension is known without rates.
+                elongation = S[below + trial, lane] - S[here + trial, lane]
+                strain = old_strain if first else elongation * S[_PER_MID_SPACING, lane]
+                tension = EA * strain if first else stiffness * elongation + offset
+                taut = tension > zero and strain > zero
+                stiffness = stiffness if taut else zero
+                offset = offset if taut else zero
+            S[here + ELEMENT_STIFFNESS, lane] = stiffness
+            S[here + ELEMENT_OFFSET, lane] = offset
+
+
+@stage
+def _forward_pass(S, nodes, n_elements, n_lanes, dt, first):
+    """Assembles the momentum balance of each node in the mid-step displacement Ū and eliminates downwards."""
+    real = S.dtype.type
+    h = 1.0 / n_elements
+    beta = real(2.0 / dt)
+    half, two = real(0.5), real(2.0)
+    first_difference, second_difference = real(0.5 / h), real(1.0 / (h * h))
+    trial = VELOCITY if first else TRIAL_VELOCITY
+    for lane in range(n_lanes):
+        S[nodes + SUPER, lane] = real(0.0)
+        S[nodes + LOAD, lane] = half * (S[SHEAVE_OLD, lane] + S[SHEAVE_NEW, lane])
+    for j in range(1, n_elements):
+        here = nodes + N_NODE_FIELDS * j
+        above, below = here - N_NODE_FIELDS, here + N_NODE_FIELDS
+        g = real(1.0 - j * h)
+        for lane in range(n_lanes):
+            V, kappa = S[LENGTH_SPEED, lane], S[_CONVECTION, lane]
+            mu, w = S[_NODE_MASS, lane], S[here + trial, lane]
+            speed = abs(w)
+            drag_slope = two * S[_NODE_DRAG, lane] * speed
+            gk = g * kappa
+            # W̄ = β (Ū - U) + V + gκ Ū_y, and DW/Dt = β (W̄ - W) + gκ ∂W̄/∂y with the compact Ū_yy.
+            gradient = first_difference * (mu * (two * beta * gk - kappa * gk) + drag_slope * gk)
+            curvature = second_difference * mu * gk * gk
+            k_above, k_below = S[above + ELEMENT_STIFFNESS, lane], S[here + ELEMENT_STIFFNESS, lane]
+            lower = -k_above - gradient + curvature
+            upper = -k_below + gradient + curvature
+            diagonal = beta * (mu * beta + drag_slope) + (k_above + k_below) - two * curvature
+            U, W = S[here + DISPLACEMENT, lane], S[here + VELOCITY, lane]
+            slope = first_difference * (S[below + DISPLACEMENT, lane] - S[above + DISPLACEMENT, lane])
+            load = (
+                (mu * beta + drag_slope) * (beta * U - V)
+                + mu * beta * (W + gk * slope)
+                + S[_NODE_WEIGHT, lane]
+                + S[_NODE_DRAG, lane] * speed * w
+                + (S[here + ELEMENT_OFFSET, lane] - S[above + ELEMENT_OFFSET, lane])
+            )
+            pivot = real(1.0) / (diagonal - lower * S[above + SUPER, lane])
+            S[here + SUPER, lane] = upper * pivot
+            S[here + LOAD, lane] = (load - lower * S[above + LOAD, lane]) * pivot
+    here = nodes + N_NODE_FIELDS * n_elements
+    above = here - N_NODE_FIELDS
+    for lane in range(n_lanes):
+        mass = S[PAYLOAD_INERTIA, lane] + half * S[_NODE_MASS, lane]
+        drag = S[PAYLOAD_DRAG, lane] + half * S[_NODE_DRAG, lane]
+        w = S[here + trial, lane]
+        drag_slope = two * drag * abs(w)
+        k_above = S[above + ELEMENT_STIFFNESS, lane]
+        load = (
+            (mass * beta + drag_slope) * (beta * S[here + DISPLACEMENT, lane] - S[LENGTH_SPEED, lane])
+            + mass * beta * S[here + VELOCITY, lane]
+            + S[PAYLOAD_WEIGHT, lane]
+            + half * S[_NODE_WEIGHT, lane]
+            + drag * abs(w) * w
+            - S[above + ELEMENT_OFFSET, lane]
+        )
+        diagonal = beta * (mass * beta + drag_slope) + k_above
+        S[here + LOAD, lane] = (load + k_above * S[above + LOAD, lane]) / (
+            diagonal + k_above * S[above + SUPER, lane]
+        )
+
+
+@stage
+def _backward_pass(S, nodes, n_elements, n_lanes, dt):
+    """Substitutes upwards for the mid-step displacements and the velocities that go with them."""
+    real = S.dtype.type
+    h = 1.0 / n_elements
+    beta = real(2.0 / dt)
+    first_difference = real(0.5 / h)
+    bottom = nodes + N_NODE_FIELDS * n_elements
+    for lane in range(n_lanes):
+        middle = S[bottom + LOAD, lane]
+        S[bottom + TRIAL_DISPLACEMENT, lane] = middle
+        S[bottom + TRIAL_VELOCITY, lane] = (
+            beta * (middle - S[bottom + DISPLACEMENT, lane]) + S[LENGTH_SPEED, lane]
+        )
+    for j in range(n_elements - 1, -1, -1):
+        here = nodes + N_NODE_FIELDS * j
+        for lane in range(n_lanes):
+            S[here + TRIAL_DISPLACEMENT, lane] = (
+                S[here + LOAD, lane] - S[here + SUPER, lane] * S[here + N_NODE_FIELDS + TRIAL_DISPLACEMENT, lane]
+            )
+    for j in range(1, n_elements):
+        here = nodes + N_NODE_FIELDS * j
+        above, below = here - N_NODE_FIELDS, here + N_NODE_FIELDS
+        g = real(1.0 - j * h)
+        for lane in range(n_lanes):
+            slope = first_difference * (S[below + TRIAL_DISPLACEMENT, lane] - S[above + TRIAL_DISPLACEMENT, lane])
+            S[here + TRIAL_VELOCITY, lane] = (
+                beta * (S[here + TRIAL_DISPLACEMENT, lane] - S[here + DISPLACEMENT, lane])
+                + S[LENGTH_SPEED, lane]
+                + g * S[_CONVECTION, lane] * slope
+            )
+
+
+@stage
+def cable_step(S, nodes, n_elements, n_iterations, n_lanes, dt, tension_only):
+    """Advances cable and payload by one solver step.
+
+    Reads the sheave's displacement and the length at both ends of the step (`SHEAVE_OLD`, `SHEAVE_NEW`,
+    `LENGTH_OLD`, `LENGTH`); rewrites the nodes.
+    """
+    real = S.dtype.type
+    h = real(1.0 / n_elements)
+    half, one, two = real(0.5), real(1.0), real(2.0)
+    rate = real(1.0 / dt)
+    for lane in range(n_lanes):
+        middle = half * (S[LENGTH_OLD, lane] + S[LENGTH, lane])
+        V = S[LENGTH_SPEED, lane]
+        S[MID_LENGTH, lane] = middle
+        S[_CONVECTION, lane] = V / middle
+        S[_NODE_MASS, lane] = S[CABLE_INERTIA, lane] * middle * h
+        S[_NODE_DRAG, lane] = S[CABLE_DRAG, lane] * middle * h
+        S[_NODE_WEIGHT, lane] = S[CABLE_WEIGHT, lane] * middle * h
+        S[_PER_OLD_SPACING, lane] = one / (h * S[LENGTH_OLD, lane])
+        S[_PER_MID_SPACING, lane] = one / (h * middle)
+    for iteration in range(n_iterations):
+        _constitutive_pass(S, nodes, n_elements, n_lanes, dt, tension_only, iteration == 0)
+        _forward_pass(S, nodes, n_elements, n_lanes, dt, iteration == 0)
+        _backward_pass(S, nodes, n_elements, n_lanes, dt)
+    for lane in range(n_lanes):
+        # The sheave's own material velocity serves the Kelvin term of the first element only.
+        slope = (
+            S[nodes + N_NODE_FIELDS + TRIAL_DISPLACEMENT, lane] - S[nodes + TRIAL_DISPLACEMENT, lane]
+        ) / h
+        S[nodes + VELOCITY, lane] = (
+            rate * (S[SHEAVE_NEW, lane] - S[SHEAVE_OLD, lane])
+            + S[LENGTH_SPEED, lane]
+            + S[_CONVECTION, lane] * slope
+        )
+        S[nodes + DISPLACEMENT, lane] = S[SHEAVE_NEW, lane]
+    for j in range(1, n_elements + 1):
+        here = nodes + N_NODE_FIELDS * j
+        for lane in range(n_lanes):
+            S[here + DISPLACEMENT, lane] = two * S[here + TRIAL_DISPLACEMENT, lane] - S[here + DISPLACEMENT, lane]
+            S[here + VELOCITY, lane] = two * S[here + TRIAL_VELOCITY, lane] - S[here + VELOCITY, lane]
+
+
+@stage
+def cable_tensions(S, nodes, n_elements, n_lanes, tension_only):
+    """Tensions at the sheave and the payload, and the extremes along the cable since they were cleared.
+
+    Element tensions stand at the middles of the elements; the ends are extrapolated linearly from the
+    two nearest. Each element's tension is left in its `LOAD` field.
+    """
+    real = S.dtype.type
+    h = real(1.0 / n_elements)
+    zero, one, one_and_half, half = real(0.0), real(1.0), real(1.5), real(0.5)
+    for lane in range(n_lanes):
+        S[_PER_OLD_SPACING, lane] = one / (h * S[LENGTH, lane])
+    for j in range(n_elements):
+        here = nodes + N_NODE_FIELDS * j
+        below = here + N_NODE_FIELDS
+        for lane in range(n_lanes):
+            per_spacing = S[_PER_OLD_SPACING, lane]
+            strain = (S[below + DISPLACEMENT, lane] - S[here + DISPLACEMENT, lane]) * per_spacing
+            strain_rate = (S[below + VELOCITY, lane] - S[here + VELOCITY, lane]) * per_spacing
+            tension = S[CABLE_STIFFNESS, lane] * strain + S[CABLE_DAMPING, lane] * strain_rate
+            if tension_only:
+                tension = tension if (tension > zero and strain > zero) else zero
+            S[here + LOAD, lane] = tension
+            S[TENSION_MIN, lane] = min(S[TENSION_MIN, lane], tension)
+            S[TENSION_MAX, lane] = max(S[TENSION_MAX, lane], tension)
+    last = nodes + N_NODE_FIELDS * (n_elements - 1)
+    second = nodes + (N_NODE_FIELDS if n_elements > 1 else 0)
+    last_but_one = last - (N_NODE_FIELDS if n_elements > 1 else 0)
+    for lane in range(n_lanes):
+        top = one_and_half * S[nodes + LOAD, lane] - half * S[second + LOAD, lane]
+        end = one_and_half * S[last + LOAD, lane] - half * S[last_but_one + LOAD, lane]
+        if tension_only:
+            top, end = max(top, zero), max(end, zero)
+        S[SHEAVE_TENSION, lane] = top
+        S[PAYLOAD_TENSION, lane] = end
+        S[TENSION_MIN, lane] = min(S[TENSION_MIN, lane], min(top, end))
+        S[TENSION_MAX, lane] = max(S[TENSION_MAX, lane], max(top, end))
+        S[SLACK, lane] = one if S[TENSION_MIN, lane] <= zero else zero
+
+
+@stage
+def hang_still(S, lane, nodes, n_elements, sheave):
+    """Puts one lane at rest in static equilibrium below a sheave displaced by `sheave`, positive down."""
+    real = S.dtype.type
+    h = real(1.0 / n_elements)
+    half = real(0.5)
+    L, EA = S[LENGTH, lane], S[CABLE_STIFFNESS, lane]
+    displacement = sheave
+    for j in range(n_elements + 1):
+        here = nodes + N_NODE_FIELDS * j
+        S[here + DISPLACEMENT, lane] = displacement
+        S[here + VELOCITY, lane] = real(0.0)
+        from_payload = real(n_elements - j) - half
+        tension = S[PAYLOAD_WEIGHT, lane] + S[CABLE_WEIGHT, lane] * L * h * from_payload
+        displacement += tension * L * h / EA
+
+
+def fill_parameters(S: Array, cable: Cable, payload: Payload) -> None:
+    """Writes the cable's and the payload's numbers into the rows of a state buffer, all lanes alike."""
+    S[..., CABLE_STIFFNESS, :] = cable.axial_stiffness
+    S[..., CABLE_DAMPING, :] = cable.axial_damping
+    S[..., CABLE_INERTIA, :] = cable.inertia_per_length
+    S[..., CABLE_WEIGHT, :] = cable.submerged_weight
+    S[..., CABLE_DRAG, :] = cable.drag_per_length
+    S[..., PAYLOAD_INERTIA, :] = payload.inertia
+    S[..., PAYLOAD_WEIGHT, :] = payload.submerged_weight
+    S[..., PAYLOAD_DRAG, :] = payload.drag_factor
+
+
+def _make_march(fingerprint: int):  # type: ignore[no-untyped-def]
+    @njit(cache=True, error_model="numpy")
+    def march(S, n_elements, n_iterations, dt, tension_only, sheave, length, out):  # type: ignore[no-untyped-def]
+        """Drives one cable through given sheave displacements and lengths; fills `out` (n_steps + 1, 4)."""
+        if fingerprint == 0:
+            return
+        nodes = N_FIXED
+        bottom = nodes + N_NODE_FIELDS * n_elements
+        for k in range(len(sheave)):
+            S[TENSION_MIN, 0], S[TENSION_MAX, 0] = np.inf, -np.inf
+            if k > 0:
+                S[SHEAVE_OLD, 0], S[SHEAVE_NEW, 0] = sheave[k - 1], sheave[k]
+                S[LENGTH_OLD, 0], S[LENGTH, 0] = length[k - 1], length[k]
+                S[LENGTH_SPEED, 0] = (length[k] - length[k - 1]) / dt
+                cable_step(S, nodes, n_elements, n_iterations, 1, dt, tension_only)
+            cable_tensions(S, nodes, n_elements, 1, tension_only)
+            out[k, 0] = S[bottom + DISPLACEMENT, 0]
+            out[k, 1] = S[bottom + VELOCITY, 0]
+            out[k, 2] = S[SHEAVE_TENSION, 0]
+            out[k, 3] = S[PAYLOAD_TENSION, 0]
+
+    @njit(cache=True, error_model="numpy")
+    def hang(S, n_elements, sheave):  # type: ignore[no-untyped-def]
+        """Hangs the cable still below the sheave."""
+        if fingerprint != 0:
+            hang_still(S, 0, N_FIXED, n_elements, sheave)
+
+    return march, hang
+
+
+_march, _hang = _make_march(source_fingerprint())
+
+
+@dataclass(frozen=True)
+class AxialRecord:
+    """What a march of the axial solver recorded; positive up, each of shape (n_steps + 1,)."""
+
+    time: Array
+    """Instants [s]."""
+    payload_displacement: Array
+    """Payload above its static position at the length of the same instant [m]."""
+    payload_velocity: Array
+    """Absolute velocity of the payload [m/s]."""
+    sheave_tension: Array
+    """Tension at the sheave [N]."""
+    payload_tension: Array
+    """Tension at the payload [N]."""
+
+
+@dataclass(frozen=True)
+class AxialState:
+    """Cable and payload at an instant, positive down: a value that copies and compares."""
+
+    buffer: Array = field(repr=False)
+    """The solver's rows, (n_rows, 1)."""
+    sheave: float
+    """Displacement of the sheave, positive down [m]."""
+    length: float
+    """Unstretched length outboard [m]."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class AxialSolver:
+    """The environment's cable as a solver of its own: any sheave motion, any length.
+
+    Implicit midpoint in time, finite volumes in space, second order in both.
+    """
+
+    cable: Cable
+    payload: Payload
+    length: float
+    """Unstretched length at the start [m]."""
+    n_elements: int = 20
+    n_iterations: int = 2
+    """Newton iterations per step [-]."""
+
+    @cached_property
+    def _bottom(self) -> int:
+        return N_FIXED + N_NODE_FIELDS * self.n_elements
+
+    def rest(self, sheave_heave: float = 0.0, length: float | None = None) -> AxialState:
+        """Hanging still below a sheave at `sheave_heave` [m, positive up]."""
+        S = np.zeros((self._bottom + N_NODE_FIELDS, 1))
+        fill_parameters(S, self.cable, self.payload)
+        L = self.length if length is None else length
+        S[LENGTH] = L
+        _hang(S, self.n_elements, -sheave_heave)
+        return AxialState(S, -sheave_heave, L)
+
+    def step(self, state: AxialState, top: tuple[float, float], dt: float) -> AxialState:
+        """Advances by `dt` [s].
+
+        Args:
+            state: The instant to go on from.
+            top: Sheave heave [m, positive up] and unstretched length [m] at the end of the step.
+            dt: Time step [s].
+        """
+        sheave, length = -top[0], top[1]
+        S = state.buffer.copy()
+        self._run(S, np.array([state.sheave, sheave]), np.array([state.length, length]), dt)
+        return AxialState(S, sheave, length)
+
+    def top_tension(self, state: AxialState) -> float:
+        """Tension at the sheave [N]."""
+        S = state.buffer.copy()
+        return float(self._run(S, np.array([state.sheave]), np.array([state.length]), 1.0)[0, 2])
+
+    def payload_motion(self, state: AxialState) -> tuple[float, float]:
+        """Payload above its static position at the present length [m], and its velocity [m/s], up."""
+        displacement, velocity = state.buffer[self._bottom + DISPLACEMENT : self._bottom + VELOCITY + 1, 0]
+        return float(self.static_stretch(state.length) - displacement), float(-velocity)
+
+    def static_stretch(self, length: Array | float) -> Array | float:
+        """Elongation hanging still, L (w2 + w1 L / 2) / EA [m]."""
+        weight = self.payload.submerged_weight + 0.5 * self.cable.submerged_weight * length
+        return length * weight / self.cable.axial_stiffness
+
+    def simulate(self, sheave_heave: Array, dt: float, length: Array | None = None) -> AxialRecord:
+        """Marches from static equilibrium through a given motion.
+
+        Args:
+            sheave_heave: Heave of the sheave at each instant, positive up [m], (n_steps + 1,).
+            dt: Time step [s].
+            length: Unstretched length at each instant [m], (n_steps + 1,); constant if not given.
+
+        Returns:
+            The record, at every instant from the start.
+        """
+        sheave = -np.asarray(sheave_heave, dtype=float)
+        lengths = np.full(len(sheave), self.length) if length is None else np.asarray(length, dtype=float)
+        S = self.rest(-sheave[0], lengths[0]).buffer
+        out = self._run(S, sheave, lengths, dt)
+        return AxialRecord(
+            time=dt * np.arange(len(sheave)),
+            payload_displacement=self.static_stretch(lengths) - out[:, 0],
+            payload_velocity=-out[:, 1],
+            sheave_tension=out[:, 2],
+            payload_tension=out[:, 3],
+        )
+
+    def _run(self, S: Array, sheave: Array, length: Array, dt: float) -> Array:
+        S[LENGTH] = length[0]
+        out = np.empty((len(sheave), 4))
+        _march(S, self.n_elements, self.n_iterations, dt, self.cable.tension_only, sheave, length, out)
+        return out

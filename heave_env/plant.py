@@ -1,0 +1,434 @@
+"""The plant's face: a batch of environments with their seeds, advanced by the one kernel.
+
+`Plant` owns the buffers, lays the scenario out in them and calls the compiled kernel; the Gymnasium
+faces, `simulate` and the tests all stand on it.
+"""
+
+from __future__ import annotations
+
+import logging
+import math
+import time
+from concurrent.futures import ThreadPoolExecutor
+from typing import Any
+
+import numpy as np
+from scipy.linalg import expm
+
+from heave_env import kernel as k
+from heave_env import layout as rows
+from heave_env.cable.axial import fill_parameters
+from heave_env.parameters import LinearPayload
+from heave_env.scenarios import Scenario
+from heave_env.sea import read_motion, square_root
+from heave_env.sensors import CHANNELS
+from heave_env.vessel import boom_tip_components, boom_tip_filter
+
+Array = np.ndarray
+_log = logging.getLogger("heave_env")
+
+BATCH_LANES = 16
+"""Environments per block of a batch."""
+_SEA_KINDS = {
+    "calm": k.CALM,
+    "shaping_filter": k.FILTERED,
+    "random_phase": k.SINUSOIDS,
+    "regular": k.SINUSOIDS,
+    "recorded": k.RECORDED,
+}
+DTYPES = ("float64", "float32")
+
+
+def cubic_coefficients(n_substeps: int, control_dt: float) -> Array:
+    """Weights of heave and rate at both ends of a control step in the cubic through them.
+
+    Returns:
+        (n_substeps, 8): at the end of each substep the four weights of the value and the four of its
+        rate, for [x0, v0, x1, v1].
+    """
+    s = np.arange(1, n_substeps + 1) / n_substeps
+    T = control_dt
+    value = np.stack([1 - 3 * s**2 + 2 * s**3, T * s * (1 - s) ** 2, s**2 * (3 - 2 * s), T * s**2 * (s - 1)])
+    rate = np.stack([-6 * s * (1 - s) / T, (1 - s) * (1 - 3 * s), 6 * s * (1 - s) / T, s * (3 * s - 2)])
+    weights = np.concatenate([value, rate]).T
+    # The last substep ends at the control instant itself, to the last bit.
+    weights[-1] = 0, 0, 1, 0, 0, 0, 0, 1
+    return np.ascontiguousarray(weights)
+
+
+def linear_step(payload: LinearPayload, dt: float) -> tuple[Array, Array]:
+    """Exact step of a x'' + b x' + x = z(t) for a cubic z through its values and rates at both ends.
+
+    Returns:
+        Transition (2, 2) of [x, x'] and input (2, 4) of [z0, z0', z1, z1'].
+    """
+    a, b = payload.inertia, payload.damping
+    chain = np.zeros((6, 6))
+    chain[0, 1] = 1.0
+    chain[1, :3] = -1.0 / a, -b / a, 1.0 / a
+    chain[2, 3] = chain[3, 4] = chain[4, 5] = 1.0
+    over_step = expm(chain * dt)[:2]
+    # z, z', z'', z''' at the start of the step from its values and rates at both ends.
+    derivatives = np.array(
+        [
+            [1.0, 0.0, 0.0, 0.0],
+            [0.0, 1.0, 0.0, 0.0],
+            [-6.0 / dt**2, -4.0 / dt, 6.0 / dt**2, -2.0 / dt],
+            [12.0 / dt**3, 6.0 / dt**2, -12.0 / dt**3, 6.0 / dt**2],
+        ]
+    )
+    return over_step[:, :2], over_step[:, 2:] @ derivatives
+
+
+class Plant:
+    """A batch of plants of one scenario, with their sensors and costs.
+
+    After `begin` and every `advance` the arrays below hold the present instant; they are the plant's
+    own and are rewritten by the next call, so copy what is to be kept.
+    """
+
+    observation: Array
+    """What the controller sees, scaled, (n_envs, n_observations), float32."""
+    reward: Array
+    """Minus the stage cost of the last step, (n_envs,)."""
+    outcome: Array
+    """What became of each row in the last step: 0 running, 1 diverged, 2 lost, 3 landed, (n_envs,)."""
+    channels: Array
+    """Physical channels in the order of `layout.CHANNEL_NAMES`, (n_envs, n_channels); no rows unless shown."""
+
+    def __init__(
+        self,
+        scenario: Scenario,
+        n_envs: int,
+        *,
+        dtype: str = "float64",
+        n_steps: int | None = None,
+        show_channels: bool = True,
+        n_threads: int = 1,
+    ) -> None:
+        """Lays the scenario out in buffers.
+
+        Args:
+            scenario: The operation.
+            n_envs: Environments in the batch.
+            dtype: Precision of the physics, "float64" or "float32".
+            n_steps: Control steps of an episode; the scenario's own if not given.
+            show_channels: Whether to fill `channels`.
+            n_threads: Threads that share the blocks of a large batch.
+
+        Raises:
+            ValueError: If an argument is impossible, or a recording cannot be used.
+        """
+        if dtype not in DTYPES:
+            raise ValueError(f"dtype must be one of {', '.join(DTYPES)}, got {dtype!r}")
+        for name, value in (("num_envs", n_envs), ("n_threads", n_threads)):
+            if not isinstance(value, (int, np.integer)) or value < 1:
+                raise ValueError(f"{name} must be a positive whole number, got {value!r}")
+        self.scenario = scenario
+        self.n_envs = int(n_envs)
+        self.dtype = dtype
+        self.n_steps = scenario.n_steps if n_steps is None else n_steps
+        self.n_lanes = 1 if n_envs == 1 else BATCH_LANES
+        self.n_blocks = -(-self.n_envs // self.n_lanes)
+        self._advance, self._begin = k.KERNELS[self.n_lanes]
+        self._lay_out()
+        self.observation = np.zeros((self.n_envs, len(scenario.observation_names)), dtype=np.float32)
+        self.reward = np.zeros(self.n_envs)
+        self.outcome = np.zeros(self.n_envs, dtype=np.int64)
+        self.channels = np.zeros((self.n_envs if show_channels else 0, rows.N_CHANNELS))
+        self._position = 0
+        n_threads = min(int(n_threads), self.n_blocks)
+        cuts = np.linspace(0, self.n_blocks, n_threads + 1).astype(int)
+        self._shares = [(int(a), int(b)) for a, b in zip(cuts, cuts[1:], strict=False)]
+        self._pool = ThreadPoolExecutor(n_threads) if n_threads > 1 else None
+
+    def _lay_out(self) -> None:
+        scenario = self.scenario
+        cfg = np.zeros(k.N_CONFIGURATION, dtype=np.int64)
+        sensors, lags = scenario.observed_sensors, scenario.observed_lags
+        ages = [round(sensor.delay / scenario.control_dt) for sensor in sensors]
+        n_filter = scenario.n_filter_states
+        kind = _SEA_KINDS[scenario.sea_state.kind]
+        components = (
+            boom_tip_components(scenario.sea_state, scenario.vessel) if kind == k.SINUSOIDS else None
+        )
+        cfg[k.SEA_KIND] = kind
+        cfg[k.N_FILTER] = n_filter
+        cfg[k.N_COMPONENTS] = 0 if components is None else len(components.amplitude)
+        cfg[k.IS_LINEAR] = scenario.is_linear
+        cfg[k.N_ELEMENTS] = scenario.n_elements
+        cfg[k.N_SUBSTEPS] = scenario.n_substeps
+        cfg[k.N_ITERATIONS] = scenario.n_iterations
+        cfg[k.TENSION_ONLY] = scenario.cable is not None and scenario.cable.tension_only
+        cfg[k.WINCH_LIMITED] = scenario.winch.is_limited
+        cfg[k.ACCELERATION_LIMITED] = scenario.winch.acceleration_limit is not None
+        cfg[k.DELAY_SUBSTEPS] = scenario.delay_substeps
+        cfg[k.N_PENDING] = scenario.n_pending
+        cfg[k.N_SENSORS] = len(sensors)
+        cfg[k.N_LAGS] = len(lags)
+        cfg[k.SENSOR_RING] = max(lags) + max(ages) + 1
+        cfg[k.SHOWN_FILTER_STATES] = scenario.observed_filter_states
+        cfg[k.N_STEPS] = self.n_steps
+        cfg[k.HAS_PAY_OUT] = scenario.pay_out.speed != 0.0
+        row = rows.N_FIXED
+        for key, count in (
+            (k.ROW_FILTER, 2 * n_filter + 4 * -(-n_filter // 4)),
+            (k.ROW_COMPONENTS, 2 * int(cfg[k.N_COMPONENTS])),
+            (k.ROW_COMMANDS, scenario.n_pending + 1),
+            (k.ROW_SENSORS, int(cfg[k.SENSOR_RING]) * len(sensors)),
+            (k.ROW_NODES, 0 if scenario.is_linear else rows.N_NODE_FIELDS * (scenario.n_elements + 1)),
+        ):
+            cfg[key] = row
+            row += count
+        tables: list[Array] = []
+
+        def place(key: int, *parts: Any) -> None:
+            cfg[key] = sum(len(table) for table in tables)
+            tables.extend(np.ravel(np.asarray(part, dtype=float)) for part in parts)
+
+        place(k.AT_HERMITE, cubic_coefficients(scenario.n_substeps, scenario.control_dt))
+        if n_filter:
+            boom_tip = boom_tip_filter(scenario.sea_state, scenario.vessel)
+            F, Q = boom_tip.discretised(scenario.control_dt)
+            place(k.AT_FILTER, F, square_root(Q), square_root(boom_tip.covariance), boom_tip.C)
+        if components is not None:
+            place(k.AT_COMPONENTS, components.low, components.width, components.amplitude)
+        place(
+            k.AT_SENSORS,
+            [
+                (sensor.sample_std(scenario.control_dt), sensor.offset, 1.0 / sensor.scale)
+                for sensor in sensors
+                if sensor.scale is not None
+            ],
+        )
+        if kind == k.RECORDED:
+            place(k.AT_RECORDING, self._recording())
+        readings = [(list(CHANNELS).index(sensor.channel), age) for sensor, age in zip(sensors, ages, strict=True)]
+        self._cfg = np.concatenate([cfg, np.ravel(np.array(readings, dtype=np.int64)), np.array(lags)])
+        self._cfg = self._cfg.astype(np.int64)
+        self._tables = np.concatenate(tables)
+        self._state = np.zeros((self.n_blocks, row, self.n_lanes), dtype=self.dtype)
+        self._counters = np.zeros((self.n_blocks, k.N_COUNTERS, self.n_lanes), dtype=np.uint64)
+        self._fill_parameters()
+
+    def _recording(self) -> Array:
+        scenario = self.scenario
+        assert scenario.sea_state.recording is not None
+        recording = read_motion(scenario.sea_state.recording)
+        instants = scenario.solver_dt * np.arange(self.n_steps * scenario.n_substeps + 1)
+        heave, rate, payout = recording.sampled(instants)
+        lengths = scenario.initial_length + payout
+        if scenario.cable is not None and lengths.min() <= scenario.winch_reach:
+            raise ValueError(
+                f"motion file {recording.path!r} recovers the cable down to {lengths.min():g} m, within the "
+                f"winch's reach of {scenario.winch_reach:g} m; start from a longer cable"
+            )
+        return np.column_stack([heave, rate, payout])
+
+    def _fill_parameters(self) -> None:
+        scenario, S = self.scenario, self._state
+        winch, task, pay_out = scenario.winch, scenario.task, scenario.pay_out
+
+        def limit(value: float | None) -> float:
+            return math.inf if value is None else value
+
+        S[:, rows.WINCH_RATE_CONSTANT] = winch.rate_constant
+        S[:, rows.WINCH_DECAY] = math.exp(-winch.rate_constant * scenario.solver_dt)
+        S[:, rows.STROKE_LIMIT] = limit(winch.stroke_limit)
+        S[:, rows.SPEED_LIMIT] = limit(winch.speed_limit)
+        S[:, rows.ACCELERATION_LIMIT] = limit(winch.acceleration_limit)
+        S[:, rows.COMMAND_RANGE] = winch.command_range
+        S[:, rows.POSITION_WEIGHT] = task.position_weight
+        S[:, rows.COMMAND_WEIGHT] = task.command_weight
+        S[:, rows.FAILURE_RATE] = task.failure_factor * scenario.uncontrolled_cost
+        S[:, rows.TENSION_LIMIT] = limit(task.tension_limit)
+        S[:, rows.LANDING_DEPTH] = limit(task.landing_depth)
+        # Far beyond what any stable plant does under full command.
+        S[:, rows.DIVERGENCE_LIMIT] = 100.0 * (1.0 + winch.command_range + 10.0 * scenario.boom_tip_scale)
+        S[:, rows.BREAKING_STRENGTH] = limit(scenario.cable.breaking_strength if scenario.cable else None)
+        S[:, rows.PAY_OUT_SPEED] = pay_out.speed
+        S[:, rows.PAY_OUT_START] = pay_out.start
+        S[:, rows.PAY_OUT_END] = pay_out.start + (
+            pay_out.distance / abs(pay_out.speed) if pay_out.speed else 0.0
+        )
+        if scenario.linear_payload is not None:
+            transition, forcing = linear_step(scenario.linear_payload, scenario.solver_dt)
+            for i, value in enumerate(np.ravel(transition)):
+                S[:, rows.LINEAR_TRANSITION + i] = value
+            for i, value in enumerate(np.ravel(forcing)):
+                S[:, rows.LINEAR_INPUT + i] = value
+        else:
+            assert scenario.cable is not None and scenario.payload is not None
+            S[:, rows.INITIAL_LENGTH] = scenario.initial_length
+            fill_parameters(S, scenario.cable, scenario.payload)
+
+    def begin(self, mask: Array, seeds: Array | None = None) -> None:
+        """Begins a new episode in the masked rows.
+
+        Args:
+            mask: Rows to begin anew, (n_envs,), bool.
+            seeds: New seeds, (n_envs,), of which the masked are taken and their episodes counted from
+                0; without them the rows go on to the next episode of their seeds.
+        """
+        place = np.nonzero(mask)[0]
+        block, lane = place // self.n_lanes, place % self.n_lanes
+        if seeds is None:
+            self._counters[block, k.EPISODE, lane] += np.uint64(1)
+        else:
+            self._counters[block, k.SEED, lane] = np.asarray(seeds, dtype=np.uint64)[place]
+            self._counters[block, k.EPISODE, lane] = 0
+        self._begin(
+            self._state,
+            self._counters,
+            self._cfg,
+            self._tables,
+            self.scenario.control_dt,
+            self._position,
+            np.asarray(mask, dtype=np.bool_),
+            self.observation,
+            self.channels,
+        )
+
+    def advance(self, actions: Array) -> None:
+        """Advances every row by one control step under actions in [-1, 1], (n_envs,), float64."""
+        if self._pool is None:
+            self._advance_blocks(actions, 0, self.n_blocks)
+        else:
+            work = [self._pool.submit(self._advance_blocks, actions, a, b) for a, b in self._shares]
+            for share in work:
+                share.result()
+        self._position += 1
+
+    def _advance_blocks(self, actions: Array, first: int, last: int) -> None:
+        self._advance(
+            self._state,
+            self._counters,
+            self._cfg,
+            self._tables,
+            self.scenario.control_dt,
+            self._position,
+            actions,
+            self.observation,
+            self.reward,
+            self.outcome,
+            self.channels,
+            first,
+            last,
+        )
+
+    def steps(self) -> Array:
+        """Control steps that each row has made in its episode, (n_envs,)."""
+        return self._counters[:, k.STEP, :].ravel()[: self.n_envs].astype(np.int64)
+
+    def channel(self, name: str) -> Array:
+        """A copy of one physical channel, (n_envs,), whether or not channels are shown."""
+        row = rows.CHANNEL_NAMES.index(name)
+        return self._state[:, row, :].ravel()[: self.n_envs].astype(np.float64)
+
+    def node_tensions(self, row: int) -> Array | None:
+        """Tension of each element of one row's cable, sheave to payload [N]; None without a cable."""
+        if self.scenario.is_linear:
+            return None
+        block, lane = divmod(row, self.n_lanes)
+        first = int(self._cfg[k.ROW_NODES]) + rows.LOAD
+        last = first + rows.N_NODE_FIELDS * self.scenario.n_elements
+        return self._state[block, first : last : rows.N_NODE_FIELDS, lane].astype(np.float64)
+
+    def get_state(self) -> dict[str, Array]:
+        """Everything that the plant's future depends on, as plain arrays."""
+        return {
+            "state": self._state.copy(),
+            "counters": self._counters.copy(),
+            "position": np.array(self._position),
+            "observation": self.observation.copy(),
+        }
+
+    def set_state(self, state: dict[str, Array]) -> None:
+        """Goes back to what `get_state` gave.
+
+        Raises:
+            ValueError: If the state is of another scenario, batch or precision.
+        """
+        for name, mine in (("state", self._state), ("counters", self._counters)):
+            given = state[name]
+            if given.shape != mine.shape or given.dtype != mine.dtype:
+                raise ValueError(
+                    f"plant state {name!r} has shape {given.shape} and type {given.dtype}, this plant "
+                    f"{mine.shape} and {mine.dtype}; restore it into the scenario, batch and dtype it came from"
+                )
+            mine[...] = given
+        self._position = int(state["position"])
+        self.observation[...] = state["observation"]
+
+    def close(self) -> None:
+        """Lets go of the threads."""
+        if self._pool is not None:
+            self._pool.shutdown(wait=False)
+            self._pool = None
+
+
+def compile_kernels(dtype: str = "float64") -> float:
+    """Compiles the kernels ahead of use, or loads them from the cache; returns the seconds it took."""
+    from heave_env.scenarios import load
+
+    start = time.perf_counter()
+    for n_envs in (1, 2):
+        plant = Plant(load("thesis_linear"), n_envs, dtype=dtype)
+        plant.begin(np.ones(n_envs, dtype=bool), np.arange(n_envs))
+        plant.advance(np.zeros(n_envs))
+    return time.perf_counter() - start
+
+
+def simulate(
+    scenario: Scenario,
+    *,
+    seeds: list[int] | Array,
+    duration: float | None = None,
+    commands: Array | None = None,
+) -> dict[str, Array]:
+    """Runs the plant open loop.
+
+    Args:
+        scenario: The operation.
+        seeds: One seed per run.
+        duration: How long [s]; the scenario's own duration if not given.
+        commands: Commanded winch displacement of each control step [m], (n_steps,) or
+            (n_steps, n_envs); zero if not given.
+
+    Returns:
+        "time" [s], (n_steps + 1,), and the physical channels by name, (n_steps + 1, n_envs); a channel
+        that the plant lacks (tensions and length of a linear payload) is left out.
+    """
+    n_steps = scenario.n_steps if duration is None else round(duration / scenario.control_dt)
+    n_envs = len(seeds)
+    plant = Plant(scenario, n_envs, n_steps=n_steps)
+    plant.begin(np.ones(n_envs, dtype=bool), np.asarray(seeds))
+    actions = np.zeros((n_steps, n_envs))
+    if commands is not None:
+        commands = np.asarray(commands, dtype=float)
+        actions[:] = (commands if commands.ndim == 2 else commands[:, None]) / scenario.winch.command_range
+    record = np.empty((n_steps + 1, n_envs, rows.N_CHANNELS))
+    record[0] = plant.channels
+    for step in range(n_steps):
+        plant.advance(actions[step])
+        record[step + 1] = plant.channels
+    names = channel_names(scenario)
+    result = {name: record[:, :, rows.CHANNEL_NAMES.index(name)].copy() for name in names}
+    result["time"] = scenario.control_dt * np.arange(n_steps + 1)
+    return result
+
+
+_CABLE_CHANNELS = (
+    "sheave_tension",
+    "payload_tension",
+    "length",
+    "slack",
+    "tension_min",
+    "tension_max",
+    "winch_power",
+)
+
+
+def channel_names(scenario: Scenario) -> list[str]:
+    """Physical channels that the scenario's plant has."""
+    return [name for name in rows.CHANNEL_NAMES if not (scenario.is_linear and name in _CABLE_CHANNELS)]
