@@ -1,6 +1,7 @@
 """The rooms: imports point one way, heavy packages stay where they are needed, every file has a noun."""
 
 import ast
+import re
 import subprocess
 import sys
 from pathlib import Path
@@ -130,3 +131,27 @@ def test_importing_the_environment_loads_nothing_heavy():
     code = f"import sys, heave_env; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False)
     assert done.stdout.strip() == "[]", done.stderr
+
+
+CITATION = re.compile(r"([A-ZÅ]\w+(?: et al\.|(?:, [A-Z]\w+)* and [A-Z]\w+)?) \((\d{4})\)")
+
+
+def sources_in_full() -> set[tuple[str, str]]:
+    """First author's surname (its last word) and year of every source that CONVENTIONS.md lists."""
+    listed = (ROOT / "CONVENTIONS.md").read_text(encoding="utf-8").split("## Sources")[1]
+    years = (
+        (entry.split(",")[0].split()[-1], re.search(r"\((\d{4})\)", entry))
+        for entry in listed.split("\n\n")
+        if entry
+    )
+    return {(surname, year[1]) for surname, year in years if year}
+
+
+@pytest.mark.parametrize("path", MODULES, ids=by_name)
+def test_every_cited_source_is_given_in_full(path):
+    text = re.sub(r"\s+", " ", path.read_text(encoding="utf-8"))
+    for source in re.findall(r"Source: (.{0,400})", text):
+        for authors, year in CITATION.findall(source.split(" Args: ")[0]):
+            surname = re.split(r" et al\.|,| and ", authors)[0]
+            named = f"{authors} ({year}) is not among the sources of CONVENTIONS.md"
+            assert (surname, year) in sources_in_full(), named
