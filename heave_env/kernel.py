@@ -44,9 +44,10 @@ from heave_env.layout import (
     NEW_BOOM_TIP_RATE,
     OLD_BOOM_TIP,
     OLD_BOOM_TIP_RATE,
-    PAY_OUT_END,
+    PAY_OUT_RAMP,
     PAY_OUT_SPEED,
     PAY_OUT_START,
+    PAY_OUT_TIME,
     PAYLOAD_HEAVE,
     PAYLOAD_HEAVE_RATE,
     PAYLOAD_TENSION,
@@ -272,6 +273,19 @@ def _boom_tip_at_substep(S, I, cfg, tables, substep, n_lanes):
 
 
 @stage
+def _time_at_speed(time, running, ramp):
+    """Distance over speed of a pay-out that runs for `running` s from time 0, its speed averaged over `ramp`."""
+    now = min(max(time, 0.0), running)
+    if ramp > 0.0:
+        # The integral of the unramped profile, over the window of the ramp.
+        past = min(max(time - ramp, 0.0), running)
+        whole = 0.5 * now * now + running * max(time - running, 0.0)
+        whole -= 0.5 * past * past + running * max(time - ramp - running, 0.0)
+        now = whole / ramp
+    return now
+
+
+@stage
 def _pay_out_over_substep(S, I, cfg, tables, substep, control_dt, n_lanes):
     """Cable that the operation pays out in a solver step, and in all."""
     real = S.dtype.type
@@ -285,10 +299,10 @@ def _pay_out_over_substep(S, I, cfg, tables, substep, control_dt, n_lanes):
     elif cfg[HAS_PAY_OUT] == 1:
         for lane in range(n_lanes):
             speed = np.float64(S[PAY_OUT_SPEED, lane])
-            start, end = np.float64(S[PAY_OUT_START, lane]), np.float64(S[PAY_OUT_END, lane])
+            running, ramp = np.float64(S[PAY_OUT_TIME, lane]), np.float64(S[PAY_OUT_RAMP, lane])
             time = np.float64(np.int64(I[STEP, lane])) * control_dt + substep * dt
-            old = min(max(time, start), end) - start
-            new = min(max(time + dt, start), end) - start
+            time -= np.float64(S[PAY_OUT_START, lane])
+            old, new = _time_at_speed(time, running, ramp), _time_at_speed(time + dt, running, ramp)
             S[PAYOUT_RATE, lane] = real(speed * (new - old) / dt)
             S[PAYOUT, lane] = real(speed * new)
 
@@ -297,12 +311,11 @@ def _pay_out_over_substep(S, I, cfg, tables, substep, control_dt, n_lanes):
 def _cable_substep(S, cfg, dt, n_lanes):
     """The finite-difference cable over a solver step, with the winch's work on it."""
     real = S.dtype.type
-    half, per_dt = real(0.5), real(1.0 / dt)
+    per_dt = real(1.0 / dt)
     nodes, n = cfg[ROW_NODES], cfg[N_ELEMENTS]
     tension_only = cfg[TENSION_ONLY] == 1
     for lane in range(n_lanes):
         hauled = S[WINCH_DISPLACEMENT, lane] - S[WINCH_OLD, lane]
-        S[STEP_WORK, lane] += half * S[SHEAVE_TENSION, lane] * hauled
         S[LENGTH_OLD, lane] = S[LENGTH, lane]
         S[LENGTH_SPEED, lane] = S[PAYOUT_RATE, lane] - hauled * per_dt
         S[LENGTH, lane] = S[INITIAL_LENGTH, lane] + S[PAYOUT, lane] - S[WINCH_DISPLACEMENT, lane]
@@ -313,7 +326,7 @@ def _cable_substep(S, cfg, dt, n_lanes):
     cable_tensions(S, nodes, n, n_lanes, tension_only)
     for lane in range(n_lanes):
         hauled = S[WINCH_DISPLACEMENT, lane] - S[WINCH_OLD, lane]
-        S[STEP_WORK, lane] += half * S[SHEAVE_TENSION, lane] * hauled
+        S[STEP_WORK, lane] += S[SHEAVE_TENSION, lane] * hauled
         S[SHEAVE_OLD, lane] = -S[SHEAVE_OLD, lane]
         S[SHEAVE_NEW, lane] = -S[SHEAVE_NEW, lane]
 

@@ -289,9 +289,12 @@ class PayOut:
     """When it begins [s]."""
     distance: float = 0.0
     """Cable paid out in all, a magnitude [m]."""
+    ramp: float = 0.0
+    """How long the winch takes to reach the speed, and to stop [s]."""
 
     def __post_init__(self) -> None:
         require_number(self, "speed")
+        require_number(self, "ramp", non_negative=True)
         require_number(self, "start", non_negative=True)
         require_number(self, "distance", non_negative=True)
         require(

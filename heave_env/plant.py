@@ -248,9 +248,8 @@ class Plant:
         S[:, rows.BREAKING_STRENGTH] = limit(scenario.cable.breaking_strength if scenario.cable else None)
         S[:, rows.PAY_OUT_SPEED] = pay_out.speed
         S[:, rows.PAY_OUT_START] = pay_out.start
-        S[:, rows.PAY_OUT_END] = pay_out.start + (
-            pay_out.distance / abs(pay_out.speed) if pay_out.speed else 0.0
-        )
+        S[:, rows.PAY_OUT_TIME] = pay_out.distance / abs(pay_out.speed) if pay_out.speed else 0.0
+        S[:, rows.PAY_OUT_RAMP] = pay_out.ramp
         if scenario.linear_payload is not None:
             transition, forcing = linear_step(scenario.linear_payload, scenario.solver_dt)
             for i, value in enumerate(np.ravel(transition)):
@@ -325,7 +324,7 @@ class Plant:
         row = rows.CHANNEL_NAMES.index(name)
         return self._state[:, row, :].ravel()[: self.n_envs].astype(np.float64)
 
-    def node_tensions(self, row: int) -> Array | None:
+    def element_tensions(self, row: int) -> Array | None:
         """Tension of each element of one row's cable, sheave to payload [N]; None without a cable."""
         if self.scenario.is_linear:
             return None

@@ -72,7 +72,7 @@ class Scenario:
     n_elements: int = 20
     """Elements of the cable [-]."""
     n_iterations: int = 1
-    """Newton iterations of each solver step [-]; slack wants 4."""
+    """Newton iterations of each solver step [-]; slack wants 6."""
     length: float | None = None
     """Unstretched cable outboard at the start, sheave to payload [m]; null for a linear payload."""
     sea_state: SeaState
@@ -735,7 +735,8 @@ def lowering() -> Scenario:
     """
     return Scenario(
         name="unnamed",
-        n_iterations=4,
+        n_substeps=5,
+        n_iterations=6,
         sea_state=SeaState(significant_wave_height=2.5, peak_omega=0.838),
         vessel=_thesis_vessel(),
         winch=Winch(time_constant=1.0, command_range=2.0),
@@ -750,7 +751,7 @@ def lowering() -> Scenario:
             tension_only=True,
         ),
         payload=Payload(mass=5_000.0, added_mass=8_000.0, submerged_weight=35_000.0, drag_area=4.0),
-        pay_out=PayOut(speed=2.0, start=20.0, distance=700.0),
+        pay_out=PayOut(speed=2.0, start=20.0, distance=700.0, ramp=10.0),
         sensors=(*_survey_sensors(), Sensor(channel="length")),
         task=Task(position_weight=1e4, command_weight=1.0),
     )
@@ -766,7 +767,7 @@ def snap() -> Scenario:
     return Scenario(
         name="unnamed",
         n_substeps=5,
-        n_iterations=4,
+        n_iterations=6,
         sea_state=SeaState(
             kind="regular", significant_wave_height=2.0 * 7.0 * foot, peak_omega=2.0 * math.pi / 4.0
         ),
@@ -799,7 +800,7 @@ def deep_resonance() -> Scenario:
     """A 12 t package at 2000 m whose cable resonates at 11 s, inside the wave band."""
     return Scenario(
         name="unnamed",
-        n_iterations=4,
+        n_iterations=6,
         sea_state=SeaState(significant_wave_height=2.0, peak_omega=0.6),
         vessel=Vessel(natural_omega=0.8, damping_ratio=0.5, gain=0.6),
         winch=Winch(time_constant=1.0, command_range=5.0, command_delay=0.2),

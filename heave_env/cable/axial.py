@@ -81,29 +81,41 @@ _PER_MID_SPACING = SCRATCH + 5
 
 @stage
 def _constitutive_pass(S, nodes, n_elements, n_lanes, dt, tension_only, first):
-    """Linearised law of each element: T = stiffness · (Ū_{j+1} - Ū_j) + offset, about the trial state."""
+    """Linearised law of each element: T = stiffness · (Ū_{j+1} - Ū_j) + offset, about the trial state.
+
+    T is the mean over the step. A tension-only element stores the energy EA max(e, 0)²/2, and its mean
+    elastic tension is the change of that energy over the change of strain (the discrete gradient), so
+    that going slack and snapping taut neither makes nor loses energy; Kelvin damping acts on the taut
+    part of the strain, and what would still be compression is zero.
+    """
     real = S.dtype.type
-    beta = real(2.0 / dt)
-    zero = real(0.0)
-    trial = DISPLACEMENT if first else TRIAL_DISPLACEMENT
+    beta, per_dt = real(2.0 / dt), real(1.0 / dt)
+    zero, half, one, two = real(0.0), real(0.5), real(1.0), real(2.0)
     for j in range(n_elements):
         here = nodes + N_NODE_FIELDS * j
         below = here + N_NODE_FIELDS
         for lane in range(n_lanes):
             EA, CA = S[CABLE_STIFFNESS, lane], S[CABLE_DAMPING, lane]
+            per_spacing = S[_PER_MID_SPACING, lane]
             old_elongation = S[below + DISPLACEMENT, lane] - S[here + DISPLACEMENT, lane]
-            old_strain = old_elongation * S[_PER_OLD_SPACING, lane]
-            stiffness = (EA + beta * CA) * S[_PER_MID_SPACING, lane]
-            offset = -beta * CA * old_strain
+            old = old_elongation * S[_PER_OLD_SPACING, lane]
+            stiffness = EA + beta * CA
+            offset = -beta * CA * old
             if tension_only:
-                # The first trial is the state at the step's start, whose tension is known without rates.
-                elongation = S[below + trial, lane] - S[here + trial, lane]
-                strain = old_strain if first else elongation * S[_PER_MID_SPACING, lane]
-                tension = EA * strain if first else stiffness * elongation + offset
-                taut = tension > zero and strain > zero
-                stiffness = stiffness if taut else zero
-                offset = offset if taut else zero
-            S[here + ELEMENT_STIFFNESS, lane] = stiffness
+                trial_elongation = S[below + TRIAL_DISPLACEMENT, lane] - S[here + TRIAL_DISPLACEMENT, lane]
+                middle = old if first else trial_elongation * per_spacing
+                new = two * middle - old
+                taut_new, taut_old = max(new, zero), max(old, zero)
+                crosses = (new > zero) != (old > zero)
+                change = new - old if crosses else one
+                gained = half * (taut_new * taut_new - taut_old * taut_old) / change
+                mean = gained if crosses else half * (taut_new + taut_old)
+                slope = (taut_new - gained) / change if crosses else (half if new > zero else zero)
+                tension = EA * mean + CA * per_dt * (taut_new - taut_old)
+                stiffness = two * EA * slope + (beta * CA if new > zero else zero)
+                stiffness = stiffness if tension > zero else zero
+                offset = (tension if tension > zero else zero) - stiffness * middle
+            S[here + ELEMENT_STIFFNESS, lane] = stiffness * per_spacing
             S[here + ELEMENT_OFFSET, lane] = offset
 
 
@@ -213,7 +225,6 @@ def cable_step(S, nodes, n_elements, n_iterations, n_lanes, dt, tension_only):
     real = S.dtype.type
     h = real(1.0 / n_elements)
     half, one, two = real(0.5), real(1.0), real(2.0)
-    rate = real(1.0 / dt)
     for lane in range(n_lanes):
         middle = half * (S[LENGTH_OLD, lane] + S[LENGTH, lane])
         V = S[LENGTH_SPEED, lane]
@@ -229,15 +240,6 @@ def cable_step(S, nodes, n_elements, n_iterations, n_lanes, dt, tension_only):
         _forward_pass(S, nodes, n_elements, n_lanes, dt, iteration == 0)
         _backward_pass(S, nodes, n_elements, n_lanes, dt)
     for lane in range(n_lanes):
-        # The sheave's own material velocity serves the Kelvin term of the first element only.
-        slope = (
-            S[nodes + N_NODE_FIELDS + TRIAL_DISPLACEMENT, lane] - S[nodes + TRIAL_DISPLACEMENT, lane]
-        ) / h
-        S[nodes + VELOCITY, lane] = (
-            rate * (S[SHEAVE_NEW, lane] - S[SHEAVE_OLD, lane])
-            + S[LENGTH_SPEED, lane]
-            + S[_CONVECTION, lane] * slope
-        )
         S[nodes + DISPLACEMENT, lane] = S[SHEAVE_NEW, lane]
     for j in range(1, n_elements + 1):
         here = nodes + N_NODE_FIELDS * j
@@ -250,24 +252,19 @@ def cable_step(S, nodes, n_elements, n_iterations, n_lanes, dt, tension_only):
 def cable_tensions(S, nodes, n_elements, n_lanes, tension_only):
     """Tensions at the sheave and the payload, and the extremes along the cable since they were cleared.
 
-    Element tensions stand at the middles of the elements; the ends are extrapolated linearly from the
-    two nearest. Each element's tension is left in its `LOAD` field.
+    They are means over the last solver step, the very tensions that moved the nodes. Element tensions
+    stand at the middles of the elements; the ends are extrapolated linearly from the two nearest. Each
+    element's tension is left in its `LOAD` field.
     """
     real = S.dtype.type
-    h = real(1.0 / n_elements)
     zero, one, one_and_half, half = real(0.0), real(1.0), real(1.5), real(0.5)
-    for lane in range(n_lanes):
-        S[_PER_OLD_SPACING, lane] = one / (h * S[LENGTH, lane])
     for j in range(n_elements):
         here = nodes + N_NODE_FIELDS * j
         below = here + N_NODE_FIELDS
         for lane in range(n_lanes):
-            per_spacing = S[_PER_OLD_SPACING, lane]
-            strain = (S[below + DISPLACEMENT, lane] - S[here + DISPLACEMENT, lane]) * per_spacing
-            strain_rate = (S[below + VELOCITY, lane] - S[here + VELOCITY, lane]) * per_spacing
-            tension = S[CABLE_STIFFNESS, lane] * strain + S[CABLE_DAMPING, lane] * strain_rate
-            if tension_only:
-                tension = tension if (tension > zero and strain > zero) else zero
+            elongation = S[below + TRIAL_DISPLACEMENT, lane] - S[here + TRIAL_DISPLACEMENT, lane]
+            tension = S[here + ELEMENT_STIFFNESS, lane] * elongation + S[here + ELEMENT_OFFSET, lane]
+            tension = max(tension, zero) if tension_only else tension
             S[here + LOAD, lane] = tension
             S[TENSION_MIN, lane] = min(S[TENSION_MIN, lane], tension)
             S[TENSION_MAX, lane] = max(S[TENSION_MAX, lane], tension)
@@ -300,6 +297,10 @@ def hang_still(S, lane, nodes, n_elements, sheave):
         S[here + VELOCITY, lane] = real(0.0)
         from_payload = real(n_elements - j) - half
         tension = S[PAYLOAD_WEIGHT, lane] + S[CABLE_WEIGHT, lane] * L * h * from_payload
+        S[here + TRIAL_DISPLACEMENT, lane] = displacement
+        S[here + TRIAL_VELOCITY, lane] = real(0.0)
+        S[here + ELEMENT_STIFFNESS, lane] = EA / (L * h)
+        S[here + ELEMENT_OFFSET, lane] = real(0.0)
         displacement += tension * L * h / EA
 
 
