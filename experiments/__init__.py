@@ -1,0 +1,1 @@
+"""Experiments: roll out, score, compare, benchmark and report; the `heave` command."""

@@ -1,0 +1,537 @@
+"""The `heave` command: a verb for each thing the laboratory does.
+
+A wrong input ends with one sentence on stderr and exit code 2, an interruption with exit code 130; in
+both cases the files that were there before are still there.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any, NoReturn
+
+from experiments.rollout import FIRST_TEST_SEED
+from heave_env import scenarios
+from heave_env.scenarios import Scenario
+
+BAD_INPUT = 2
+"""Exit code of a wrong input."""
+INTERRUPTED = 130
+"""Exit code of an interruption by the keyboard, 128 + SIGINT."""
+
+ALGORITHMS = ("ppo", "sac", "td3")
+
+
+class Parser(argparse.ArgumentParser):
+    """Argument parser whose complaint is one sentence."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        kwargs.setdefault("formatter_class", argparse.RawDescriptionHelpFormatter)
+        kwargs.setdefault("allow_abbrev", False)
+        super().__init__(*args, **kwargs)
+
+    def error(self, message: str) -> NoReturn:
+        """Prints the sentence and leaves with exit code 2."""
+        self.exit(BAD_INPUT, f"heave: {message}; see {self.prog} --help\n")
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Runs the command line and returns its exit code."""
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    options = parser().parse_args(given)
+    options.arguments = given
+    try:
+        options.run(options)
+        sys.stdout.flush()
+    except ValueError as error:
+        print(f"heave: {' '.join(str(error).split())}", file=sys.stderr)
+        return BAD_INPUT
+    except ModuleNotFoundError as error:
+        print(f"heave: this needs the package {error.name!r}; install it with pip", file=sys.stderr)
+        return BAD_INPUT
+    except KeyboardInterrupt:
+        print("heave: interrupted; nothing half-written was left behind", file=sys.stderr)
+        return INTERRUPTED
+    except BrokenPipeError:  # the reader of our output has left, as `head` does
+        os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
+        return 0
+    return 0
+
+
+# What can be asked for ---------------------------------------------------------------------------
+
+
+def parser() -> Parser:
+    """The command line's grammar."""
+    top = Parser(
+        prog="heave",
+        description="A laboratory for active heave compensation: simulate, train, compare, report.",
+        epilog="start with:\n  heave demo\n  heave scenarios list\n"
+        "  heave compare sea_state_5 --out runs/first",
+    )
+    from experiments.provenance import package_version
+
+    top.add_argument("--version", action="version", version=f"heave {package_version()}")
+    verbs = top.add_subparsers(metavar="VERB", required=True, parser_class=Parser)
+
+    def verb(name: str, run: Callable[[argparse.Namespace], None], summary: str, *examples: str) -> Parser:
+        epilog = "example:\n" + "\n".join(f"  {example}" for example in examples)
+        made = verbs.add_parser(name, help=summary, description=summary + ".", epilog=epilog)
+        made.set_defaults(run=run)
+        return made
+
+    demo = verb(
+        "demo",
+        _demo,
+        "train an agent on a cable scenario, compare it with the thesis's controllers, write the report",
+        "heave demo --seeds 16 --out runs/demo",
+    )
+    demo.add_argument("--seeds", type=int, default=None, metavar="N", help="unseen seas to compare in (16)")
+    demo.add_argument("--steps", type=_count, metavar="N", help="training steps (the preset's)")
+    demo.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the training (0)")
+    demo.add_argument("--out", default="runs/demo", metavar="DIR", help="folder for the results (runs/demo)")
+
+    listing = verb(
+        "scenarios",
+        _scenarios,
+        "list the named scenarios, or show one as YAML",
+        "heave scenarios list",
+        "heave scenarios show sea_state_5 > mine.yaml",
+    )
+    listing.add_argument("action", choices=("list", "show"), help="what to do")
+    listing.add_argument("scenario", nargs="?", metavar="SCENARIO", help="name or YAML file, for show")
+    listing.add_argument("--tag", metavar="TAG", help="list only the scenarios with this tag")
+    _add_set(listing)
+
+    simulate = verb(
+        "simulate",
+        _simulate,
+        "run one sea and write its channels as CSV",
+        "heave simulate sea_state_5 --controller lqg --duration 60 --out run.csv",
+        "heave simulate thesis_cable --motion boom_tip.csv --set length=500 --out run.csv",
+    )
+    _add_scenario(simulate)
+    _add_set(simulate)
+    simulate.add_argument("--motion", metavar="FILE.csv", help="boom-tip motion that replaces sea and vessel")
+    simulate.add_argument("--controller", default="none", metavar="NAME", help="a design or agent:RUN (none)")
+    simulate.add_argument(
+        "--seed",
+        type=_seed,
+        default=FIRST_TEST_SEED,
+        metavar="N",
+        help=f"seed of the sea ({FIRST_TEST_SEED}, the first test sea)",
+    )
+    simulate.add_argument("--duration", type=_seconds, metavar="S", help="length of the run [s]")
+    _add_other(simulate)
+    simulate.add_argument("--out", required=True, metavar="FILE.csv", help="file to write")
+
+    train = verb(
+        "train",
+        _train,
+        "train an agent; the same folder resumes an interrupted training",
+        "heave train sea_state_5 --algorithm ppo --seed 3 --out runs/ppo_3",
+    )
+    _add_scenario(train)
+    _add_set(train)
+    train.add_argument("--algorithm", choices=ALGORITHMS, default="ppo", help="learning algorithm (ppo)")
+    train.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the training (0)")
+    train.add_argument("--steps", type=_count, metavar="N", help="environment steps (the preset's)")
+    train.add_argument("--out", metavar="DIR", help="run folder (runs/SCENARIO_ALGORITHM_SEED)")
+
+    compare = verb(
+        "compare",
+        _compare,
+        "run controllers in the same unseen seas; write tables and a report",
+        "heave compare sea_state_5 --controllers none,lqg,agent:runs/demo/ppo --seeds 64 --out runs/mine",
+    )
+    compare.add_argument("scenario", nargs="+", metavar="SCENARIO", help="names or YAML files")
+    _add_set(compare)
+    compare.add_argument(
+        "--controllers",
+        default="none,lqr,delay_lqr,lqg",
+        metavar="A,B,...",
+        help="designs and agent:RUN, separated by commas (none,lqr,delay_lqr,lqg)",
+    )
+    compare.add_argument(
+        "--seeds", type=int, default=16, metavar="N", help="compare in the first N test seas (16)"
+    )
+    compare.add_argument("--duration", type=_seconds, metavar="S", help="length of an episode [s] (400)")
+    compare.add_argument("--warm-up", type=float, metavar="S", help="time left out at its start [s] (100)")
+    compare.add_argument("--dtype", choices=("float64", "float32"), default="float64", help="plant precision")
+    compare.add_argument("--reference", metavar="NAME", help="controller that differences are from (lqg)")
+    _add_other(compare)
+    compare.add_argument("--out", required=True, metavar="DIR", help="folder for the results")
+
+    report = verb(
+        "report",
+        _report,
+        "draw the page of a comparison anew from its folder; nothing is simulated",
+        "heave report runs/mine",
+    )
+    report.add_argument("folder", metavar="DIR", help="folder that heave compare or heave demo wrote")
+
+    identify = verb(
+        "identify",
+        _identify,
+        "fit the thesis's second-order model, a x'' + b x' + x = x0 + u, to a scenario's cable",
+        "heave identify thesis_cable --nonlinear",
+    )
+    _add_scenario(identify)
+    _add_set(identify)
+    identify.add_argument("--nonlinear", action="store_true", help="with quadratic damping, b x'|x'|")
+
+    bench = verb(
+        "bench",
+        _bench,
+        "measure speed beside yardsticks, on one core, in one run",
+        "heave bench --json bench.json",
+    )
+    bench.add_argument("--json", metavar="FILE", help="write every figure with its yardstick and ratio")
+    bench.add_argument("--quick", action="store_true", help="short measurements: a smoke test")
+    return top
+
+
+def _add_scenario(made: Parser) -> None:
+    made.add_argument("scenario", metavar="SCENARIO", help="name (heave scenarios list) or YAML file")
+
+
+def _add_set(made: Parser) -> None:
+    made.add_argument(
+        "--set",
+        action="append",
+        default=[],
+        metavar="KEY.PATH=VALUE",
+        dest="settings",
+        help="change a value of the scenario, as winch.command_delay=0.4; may be repeated",
+    )
+
+
+def _add_other(made: Parser) -> None:
+    made.add_argument(
+        "--allow-other-scenario",
+        action="store_true",
+        help="let an agent act in a scenario it was not trained for, if it sees the same",
+    )
+
+
+def _count(text: str) -> int:
+    """A positive number, also as 2e6."""
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if value < 1 or value != int(value):
+        raise argparse.ArgumentTypeError(f"must be a positive whole number, got {text!r}")
+    return int(value)
+
+
+def _seed(text: str) -> int:
+    if not text.isdigit():
+        raise argparse.ArgumentTypeError(f"must be a whole number that is not negative, got {text!r}")
+    return int(text)
+
+
+def _seconds(text: str) -> float:
+    try:
+        value = float(text)
+    except ValueError:
+        value = -1.0
+    if not 0.0 < value < float("inf"):
+        raise argparse.ArgumentTypeError(f"must be a positive number of seconds, got {text!r}")
+    return value
+
+
+def scenario_of(name: str, settings: Sequence[str] = ()) -> Scenario:
+    """The scenario of that name or file, with values replaced by `key.path=value` settings.
+
+    Raises:
+        ValueError: If there is none, or a setting is impossible.
+    """
+    scenario = scenarios.load(name)
+    for setting in settings:
+        path, equals, text = setting.partition("=")
+        if not equals or not path.strip():
+            raise ValueError(f"--set wants KEY.PATH=VALUE, as winch.command_delay=0.4, got {setting!r}")
+        scenario = scenarios.with_value(scenario, path.strip(), _value(setting, text))
+    return scenario
+
+
+def _value(setting: str, text: str) -> Any:
+    import yaml
+
+    try:
+        value = yaml.safe_load(text)
+    except yaml.YAMLError as error:
+        raise ValueError(f"--set {setting!r}: the value is not valid YAML") from error
+    if isinstance(value, str):
+        # YAML 1.1 takes 1e4 for a word, for want of a point; a user means the number.
+        try:
+            return float(value)
+        except ValueError:
+            return value
+    return value
+
+
+# What is done ------------------------------------------------------------------------------------
+
+
+def _console(**options: Any) -> Any:
+    from rich.console import Console
+
+    return Console(highlight=False, **options)
+
+
+@contextmanager
+def _bars() -> Iterator[Callable[[str, str, int, int], None]]:
+    """A progress bar on stderr per scenario and controller."""
+    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+    with Progress(
+        TextColumn("{task.description}"),
+        BarColumn(),
+        TaskProgressColumn(),
+        TimeRemainingColumn(),
+        console=_console(stderr=True),
+        transient=True,
+    ) as bars:
+        tasks: dict[tuple[str, str], Any] = {}
+
+        def advance(scenario: str, label: str, count: int, total: int) -> None:
+            key = (scenario, label)
+            if key not in tasks:
+                tasks[key] = bars.add_task(f"{scenario}: {label}", total=total)
+            bars.advance(tasks[key], count)
+
+        yield advance
+
+
+def _demo(options: argparse.Namespace) -> None:
+    from experiments.demo import N_SEEDS, demo
+
+    note = _console(stderr=True)
+    with _Deferred(_bars) as advance:
+        out = demo(
+            options.out,
+            n_seeds=N_SEEDS if options.seeds is None else options.seeds,
+            total_steps=options.steps,
+            seed=options.seed,
+            arguments=options.arguments,
+            announce=lambda line: note.print(line, markup=False),
+            progress=advance,
+        )
+    _print_tables(out)
+
+
+class _Deferred:
+    """Progress bars that appear with the first step, so that a training's own bar is undisturbed."""
+
+    def __init__(self, bars: Callable[[], Any]) -> None:
+        self.bars = bars
+        self.opened: Any = None
+        self.draw: Callable[[str, str, int, int], None] | None = None
+
+    def __enter__(self) -> Callable[[str, str, int, int], None]:
+        return self.advance
+
+    def advance(self, scenario: str, label: str, count: int, total: int) -> None:
+        """Advances the bar of a scenario and controller."""
+        if self.draw is None:
+            self.opened = self.bars()
+            self.draw = self.opened.__enter__()
+        assert self.draw is not None
+        self.draw(scenario, label, count, total)
+
+    def __exit__(self, *error: Any) -> None:
+        if self.opened is not None:
+            self.opened.__exit__(*error)
+
+
+def _scenarios(options: argparse.Namespace) -> None:
+    if options.action == "show":
+        if options.scenario is None:
+            raise ValueError(
+                "scenarios show wants the name of a scenario; list them with heave scenarios list"
+            )
+        print(scenarios.to_yaml(scenario_of(options.scenario, options.settings)), end="")
+        return
+    if options.scenario is not None or options.settings:
+        raise ValueError("scenarios list takes no scenario and no --set; heave scenarios show does")
+    found = scenarios.names(options.tag)
+    if not found:
+        tags = sorted({tag for name in scenarios.names() for tag in scenarios.load(name).tags})
+        raise ValueError(f"no scenario has the tag {options.tag!r}; tags: {', '.join(tags)}")
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 1, 0))
+    table.add_column("name", no_wrap=True)
+    for heading in ("plant", "sea", "delay", "sees", "tags"):
+        table.add_column(heading)
+    table.add_column("description", ratio=1, min_width=30)
+    for name in found:
+        scenario = scenarios.load(name)
+        sea = scenario.sea_state
+        plant = "linear payload" if scenario.is_linear else f"{scenario.initial_length:.4g} m cable"
+        table.add_row(
+            name,
+            plant,
+            f"{sea.kind.replace('_', ' ')}, Hs {sea.significant_wave_height:.3g} m",
+            f"{scenario.winch.command_delay:g} s",
+            scenario.information_set.replace("_", " "),
+            ", ".join(scenario.tags),
+            scenario.description,
+        )
+    _console(width=None if sys.stdout.isatty() else 160).print(table)
+
+
+def _simulate(options: argparse.Namespace) -> None:
+    from experiments.simulate import early_end, simulate
+
+    scenario = scenario_of(options.scenario, options.settings)
+    trajectory = simulate(
+        scenario,
+        out=options.out,
+        controller=options.controller,
+        seed=options.seed,
+        motion=options.motion,
+        duration=options.duration,
+        allow_other_scenario=options.allow_other_scenario,
+        arguments=options.arguments,
+    )
+    ended = early_end(trajectory)
+    if ended is not None:
+        print(f"heave: the run ended early: {ended}", file=sys.stderr)
+    n_rows = int(trajectory.n_valid[0]) + 1
+    print(f"{options.out}: {n_rows} rows, {trajectory.time[n_rows - 1]:g} s of {scenario.name}")
+
+
+def _train(options: argparse.Namespace) -> None:
+    from agents.train import train
+
+    scenario = scenario_of(options.scenario, options.settings)
+    out = options.out or Path("runs") / f"{scenario.name}_{options.algorithm}_{options.seed}"
+    run = train(
+        scenario, algorithm=options.algorithm, seed=options.seed, total_steps=options.steps, out=Path(out)
+    )
+    print(
+        f"{run}: compare it with\n"
+        f"  heave compare {options.scenario} --controllers none,lqg,agent:{run} --out DIR"
+    )
+
+
+def _compare(options: argparse.Namespace) -> None:
+    from experiments.compare import compare
+
+    chosen = [scenario_of(name, options.settings) for name in options.scenario]
+    with _bars() as advance:
+        out = compare(
+            chosen,
+            options.controllers.split(","),
+            n_seeds=options.seeds,
+            out=options.out,
+            duration=options.duration,
+            warm_up=options.warm_up,
+            dtype=options.dtype,
+            reference=options.reference,
+            allow_other_scenario=options.allow_other_scenario,
+            arguments=options.arguments,
+            progress=advance,
+        )
+    _print_tables(out)
+
+
+def _print_tables(out: Path) -> None:
+    """Prints the main numbers of a comparison's folder, and where the report lies."""
+    from rich.table import Table
+
+    from experiments import runs
+    from experiments.metrics import SCORED, WARM_UP
+    from experiments.report import ended_early, load, significant, with_interval
+
+    run, found = load(out)
+    console = _console(width=None if sys.stdout.isatty() else 160)
+    for name, item in found["scenarios"].items():
+        table = Table(header_style="bold", title_justify="left", title_style="bold")
+        table.title = (
+            f"{name}: {run['n_seeds']} unseen seas, {item['scored']:g} s after {item['warm_up']:g} s, "
+            f"delay {item['command_delay']:g} s"
+        )
+        for heading in (
+            "controller",
+            "sees",
+            "payload std [mm]",
+            "maximum",
+            "removed of boom tip [%]",
+            "control energy [m²]",
+            "cost J",
+            "J / optimum",
+            "ended early",
+        ):
+            table.add_column(heading, justify="left" if heading in ("controller", "sees") else "right")
+        for label, entry in item["controllers"].items():
+            metrics = entry["metrics"]
+            table.add_row(
+                label,
+                entry["information_set"].replace("_", " "),
+                with_interval(metrics["payload_heave_std"], 1e3),
+                significant(1e3 * (metrics["payload_heave_std"]["maximum"] or 0.0)),
+                with_interval(metrics["efficiency_boom_tip"], 1e2),
+                with_interval(metrics["control_energy"]),
+                with_interval(metrics["cost"]),
+                with_interval(metrics.get("cost_ratio_to_optimum")),
+                ended_early(metrics),
+            )
+        console.print(table)
+        if item["warm_up"] < WARM_UP or item["scored"] < SCORED:
+            console.print(
+                f"The episode is shorter than the protocol's {WARM_UP + SCORED:g} s: {item['scored']:g} s "
+                f"were scored after {item['warm_up']:g} s of warm-up.",
+                markup=False,
+            )
+    print(f"report: {out / runs.REPORT_FILE}")
+
+
+def _report(options: argparse.Namespace) -> None:
+    from experiments.report import write_report
+
+    print(f"report: {write_report(options.folder)}")
+
+
+def _identify(options: argparse.Namespace) -> None:
+    from baselines.identification import identified
+    from experiments.provenance import commit
+
+    scenario = scenario_of(options.scenario, options.settings)
+    fit = identified(scenario, nonlinear=options.nonlinear)
+    damping = "b x'|x'|" if options.nonlinear else "b x'"
+    unit = "s²/m" if options.nonlinear else "s"
+    print(f"{scenario.name} (fingerprint {scenario.fingerprint}, commit {commit()})")
+    print(f"a x'' + {damping} + x = x0 + u")
+    print(f"a = {fit.inertia:.6g} s²")
+    print(f"b = {fit.damping:.6g} {unit}")
+    print(f"residual std {fit.residual_std:.3g} m of {fit.response_std:.3g} m")
+
+
+def _bench(options: argparse.Namespace) -> None:
+    from experiments import runs
+    from experiments.benchmark import measure, tables
+
+    if options.json is not None:
+        runs.check_file(options.json)
+    console = _console(stderr=True)
+    found = measure(
+        quick=options.quick,
+        arguments=options.arguments,
+        announce=lambda line: console.print(line, markup=False),
+    )
+    for line in tables(found):
+        print(line)
+    if options.json is not None:
+        print(f"figures: {runs.write_json(options.json, found)}")
+
+
+if __name__ == "__main__":
+    raise SystemExit(main())

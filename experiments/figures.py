@@ -1,0 +1,288 @@
+"""Figures of a comparison, from what its folder holds; each comes back as the text of an SVG."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import numpy as np
+
+Array = np.ndarray
+
+COLOURS = ("#8a8f98", "#d1495b", "#e08e1b", "#1f77b4", "#2a9d63", "#7b4bb3", "#12a4b0", "#b5527e", "#6b7a1d")
+"""Line colours; the first is kept for no control. They differ in lightness, for print without colour."""
+DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-", (0, (6, 1.5, 1.2, 1.5)), "-")
+"""Line styles that tell controllers apart beside the colour."""
+SHOWN = 90.0
+"""Length of the time series that is drawn [s]."""
+
+_STYLE: dict[str, Any] = {
+    "font.family": "sans-serif",
+    "font.sans-serif": ["DejaVu Sans"],
+    "font.size": 9.5,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.edgecolor": "#7d848f",
+    "axes.labelcolor": "#30353d",
+    "axes.titlesize": 10.5,
+    "axes.titlelocation": "left",
+    "axes.titleweight": "bold",
+    "axes.grid": True,
+    "grid.color": "#e3e6ea",
+    "grid.linewidth": 0.7,
+    "xtick.color": "#4a505a",
+    "ytick.color": "#4a505a",
+    "legend.frameon": False,
+    "lines.linewidth": 1.4,
+    "svg.hashsalt": "heave",
+    "svg.fonttype": "path",
+    "path.simplify_threshold": 0.4,
+}
+
+
+def colour_of(labels: Sequence[str]) -> dict[str, str]:
+    """A colour per controller: grey for no control, the others in the order they are named."""
+    others = [label for label in labels if label != "none"]
+    chosen = {label: COLOURS[1 + i % (len(COLOURS) - 1)] for i, label in enumerate(others)}
+    return {label: chosen.get(label, COLOURS[0]) for label in labels}
+
+
+def _dashes(labels: Sequence[str]) -> dict[str, Any]:
+    others = [label for label in labels if label != "none"]
+    return {label: DASHES[others.index(label) % len(DASHES)] if label in others else "-" for label in labels}
+
+
+def _drawn(figure: Any) -> str:
+    buffer = io.StringIO()
+    figure.savefig(
+        buffer,
+        format="svg",
+        metadata={"Date": None, "Creator": None, "Format": None, "Type": None},
+        bbox_inches="tight",
+        pad_inches=0.06,
+    )
+    text = buffer.getvalue()
+    return text[text.index("<svg") :]
+
+
+def _figure(*args: Any, **kwargs: Any) -> tuple[Any, Any]:
+    # The object interface without pyplot: no display, no global state, safe in any thread.
+    from matplotlib.figure import Figure
+
+    figure = Figure(layout="constrained", figsize=kwargs.pop("figsize"))
+    return figure, figure.subplots(*args, **kwargs)
+
+
+def _styled(draw: Any) -> Any:
+    from functools import wraps
+
+    @wraps(draw)
+    def styled(*args: Any, **kwargs: Any) -> str:
+        import matplotlib
+
+        context: Any = matplotlib.rc_context
+        with context(_STYLE):
+            return str(draw(*args, **kwargs))
+
+    return styled
+
+
+def _metres(size: float) -> tuple[float, str]:
+    """Factor and unit in which lengths of about this size read well."""
+    if size < 2e-3:
+        return 1e6, "µm"
+    return (1e3, "mm") if size < 0.2 else (1.0, "m")
+
+
+@_styled
+def time_series(time: Array, channels: dict[str, dict[str, Array]], *, start: float, delay: float) -> str:
+    """One sea in every controller's hands: heave, command and tension.
+
+    Args:
+        time: Control instants [s], (n_steps + 1,).
+        channels: By controller and channel, the series of one sea [SI].
+        start: Where the drawn part begins [s].
+        delay: Command delay of the scenario [s].
+    """
+    labels = list(channels)
+    colours, dashes = colour_of(labels), _dashes(labels)
+    end = min(start + SHOWN, float(time[-1]))
+    shown = (time >= start) & (time <= end)
+    acting = [label for label in labels if label != "none"] or labels
+    with_cable = any("sheave_tension" in series for series in channels.values())
+    panels = ["motion", "payload", "command", *(["tension"] if with_cable else [])]
+    if acting == labels and "none" not in labels:
+        panels.remove("motion")
+    figure, axes = _figure(
+        len(panels), 1, figsize=(8.4, 1.75 * len(panels) + 0.5), sharex=True, squeeze=False
+    )
+    place = dict(zip(panels, axes[:, 0], strict=True))
+    first = channels[labels[0]]
+    if "motion" in place:
+        axis = place["motion"]
+        axis.plot(time[shown], first["boom_tip_heave"][shown], color="#30353d", lw=1.0, label="boom tip")
+        axis.plot(
+            time[shown],
+            channels["none"]["payload_heave"][shown],
+            color=COLOURS[0],
+            lw=2.0,
+            label="payload, none",
+        )
+        axis.set_ylabel("heave [m]")
+        axis.set_title("What the sea does: boom tip, and the payload without control")
+        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, fontsize=8)
+    axis = place["payload"]
+    shares = [float(np.std(channels[label]["payload_heave"][shown])) for label in acting]
+    scale, unit = _metres(max(shares))
+    quiet = [share for share in shares if share > 0.0]
+    for label in acting:
+        series = scale * channels[label]["payload_heave"][shown]
+        axis.plot(time[shown], series, color=colours[label], ls=dashes[label], label=label)
+    if quiet and max(quiet) > 30.0 * min(quiet):
+        axis.set_yscale("symlog", linthresh=max(3.0 * scale * min(quiet), 1e-9))
+        unit += ", linear to log"
+    axis.set_ylabel(f"payload [{unit}]")
+    axis.set_title("Payload heave under control")
+    axis = place["command"]
+    for label in acting:
+        series = channels[label]["command"]
+        axis.step(
+            time[:-1][shown[:-1]],
+            series[shown[:-1]],
+            where="post",
+            color=colours[label],
+            ls=dashes[label],
+            lw=1.0,
+        )
+    axis.set_ylabel("command [m]")
+    axis.set_title(
+        f"Commanded winch displacement (acts {delay:g} s later)" if delay else "Commanded winch displacement"
+    )
+    if with_cable:
+        axis = place["tension"]
+        for label in labels:
+            series = channels[label]["sheave_tension"][shown] / 1e3
+            axis.plot(time[shown], series, color=colours[label], ls=dashes[label], lw=1.0)
+        axis.set_ylabel("tension [kN]")
+        axis.set_title("Tension at the sheave")
+    axes[-1, 0].set_xlabel("time [s]")
+    axes[-1, 0].set_xlim(start, end)
+    handles, names = place["payload"].get_legend_handles_labels()
+    if "none" in labels:
+        from matplotlib.lines import Line2D
+
+        handles, names = [Line2D([], [], color=COLOURS[0]), *handles], ["none", *names]
+    figure.legend(handles, names, loc="outside lower center", ncols=min(5, len(names)))
+    return _drawn(figure)
+
+
+@_styled
+def spectra(omega: Array, boom_tip: Array | None, payload: dict[str, Array]) -> str:
+    """Spectral densities of payload heave on the boom tip's, log-scaled.
+
+    Args:
+        omega: Angular frequency [rad/s].
+        boom_tip: Density of the boom-tip heave [m² s/rad], or None.
+        payload: Density of the payload heave by controller [m² s/rad].
+    """
+    labels = list(payload)
+    colours, dashes = colour_of(labels), _dashes(labels)
+    figure, axis = _figure(figsize=(5.6, 3.9))
+    band = (omega > 0.0) & (omega <= 4.0)
+    peaks = []
+    curves = [("boom tip", boom_tip, "#30353d", (0, (2, 2)))]
+    curves += [(label, payload[label], colours[label], dashes[label]) for label in labels]
+    for label, density, colour, dash in curves:
+        if density is None or not np.isfinite(density).all() or not np.any(density[band] > 0.0):
+            continue
+        axis.plot(omega[band], np.maximum(density[band], 1e-300), color=colour, ls=dash, label=label)
+        peaks.append(float(density[band].max()))
+    axis.set_yscale("log")
+    if peaks:
+        axis.set_ylim(1e-5 * min(peaks), 4.0 * max(peaks))
+    axis.set_xlim(0.0, 4.0)
+    axis.set_xlabel("angular frequency [rad/s]")
+    axis.set_ylabel("spectral density [m² s/rad]")
+    axis.set_title("Spectra of payload heave, mean over all seas")
+    if peaks:
+        axis.legend(fontsize=8, loc="upper right")
+    return _drawn(figure)
+
+
+@_styled
+def motion_against_energy(heave_std: dict[str, Array], energy: dict[str, Array]) -> str:
+    """Payload standard deviation against control energy, one dot per sea and the mean of each controller.
+
+    Args:
+        heave_std: Standard deviation of payload heave by controller [m], (n_seas,).
+        energy: Mean square command by controller [m²], (n_seas,).
+    """
+    labels = list(heave_std)
+    colours = colour_of(labels)
+    figure, axis = _figure(figsize=(5.6, 3.9))
+    for label in labels:
+        x, y = energy[label], heave_std[label]
+        usable = np.isfinite(x) & np.isfinite(y) & (y > 0.0)
+        if not usable.any():
+            continue
+        if not np.any(x[usable] > 0.0):
+            axis.axhline(
+                y[usable].mean(), color=colours[label], lw=1.6, ls=(0, (4, 2)), label=f"{label} (energy 0)"
+            )
+            continue
+        usable &= x > 0.0
+        axis.scatter(x[usable], y[usable], s=18, color=colours[label], alpha=0.5, lw=0)
+        axis.scatter(
+            x[usable].mean(),
+            y[usable].mean(),
+            s=70,
+            color=colours[label],
+            edgecolor="white",
+            lw=1.2,
+            label=label,
+            zorder=3,
+        )
+    axis.set_xscale("log")
+    axis.set_yscale("log")
+    axis.set_xlabel("control energy, mean u0² [m²]")
+    axis.set_ylabel("std of payload heave [m]")
+    axis.set_title("Motion against energy: small dots are seas")
+    axis.legend(fontsize=8)
+    return _drawn(figure)
+
+
+@_styled
+def distribution(heave_std: dict[str, Array]) -> str:
+    """Payload standard deviation in each sea, by controller, with median, 95 % and maximum.
+
+    Args:
+        heave_std: Standard deviation of payload heave by controller [m], (n_seas,).
+    """
+    labels = list(heave_std)
+    colours = colour_of(labels)
+    figure, axis = _figure(figsize=(8.4, 0.55 * len(labels) + 1.2))
+    for place, label in enumerate(labels):
+        values = heave_std[label]
+        values = np.sort(values[np.isfinite(values) & (values > 0.0)])
+        if len(values) == 0:
+            continue
+        # Neighbours in size are set apart up and down, so that equal seas do not hide each other.
+        offset = 0.26 * (((np.arange(len(values)) * 0.618034) % 1.0) - 0.5)
+        axis.scatter(values, place + offset, s=16, color=colours[label], alpha=0.45, lw=0)
+        for share, height in ((0.5, 0.30), (0.95, 0.20)):
+            at = float(np.quantile(values, share))
+            axis.plot(
+                [at, at],
+                [place - height, place + height],
+                color=colours[label],
+                lw=2.2 if share == 0.5 else 1.2,
+            )
+        axis.scatter(values[-1], place, marker=">", s=34, color=colours[label], zorder=3)
+    axis.set_yticks(range(len(labels)), labels)
+    axis.set_ylim(len(labels) - 0.5, -0.5)
+    axis.set_xscale("log")
+    axis.grid(axis="y", visible=False)
+    axis.set_xlabel("std of payload heave in a sea [m]; long bar median, short bar 95 %, arrow maximum")
+    axis.set_title("Every sea counts")
+    return _drawn(figure)
