@@ -7,6 +7,8 @@ is looked at.
 The picture is a diagram. Depth has one scale, heave another that is larger by the factor printed in it: boom
 tip, winch and payload share that one, so a payload that stays on its dashed line is compensated. The sea's
 surface is only drawn from the recent motion of the boom tip, travelling away from the vessel.
+Where the tension is not positive the cable is drawn grey and wavy: it is slack or, if the scenario lets it
+carry compression, pushed.
 """
 
 from __future__ import annotations
@@ -34,7 +36,9 @@ _DRUM = (118.0, 117.0)
 _DRUM_RADIUS = 11.0
 _DEEPEST = 424.0
 _HEAVE_ROOM = 22.0  # largest heave in the picture [px]
+_TROUGH = _WATERLINE + 2.0 * _HEAVE_ROOM + 1.0  # below every wave [px]
 _WAVE_SPEED = 11.0  # of the drawn surface [px/s]
+_NO_TENSION = 1.0  # tension of a slack cable, up to rounding [N]
 _NOTHING = 1.0e-5  # motion that is not worth a scale of its own [m]
 
 _Color = tuple[int, int, int]
@@ -140,7 +144,8 @@ def ansi_frame(data: FrameData) -> str:
         lines.append(f"{label:<9}{heave:+10.4f} m  {_text_bar(heave / room)}")
     if data.node_tension is not None:
         tension = data.node_tension
-        state = "slack" if float(np.min(tension)) <= 0.0 else "taut"
+        lowest = float(np.min(tension))
+        state = "taut" if lowest > 0.0 else "slack" if lowest > -_NO_TENSION else "pushed"
         lines.append(f"{'tension':<9}{tension[0] / 1e3:+10.2f} kN at the sheave, {state}")
         lines.append(f"{'cable':<9}{data.length:+10.2f} m outboard")
     lines.append(f"{'history':<9}{_text_trace(data.trace_payload)}")
@@ -150,15 +155,15 @@ def ansi_frame(data: FrameData) -> str:
 class HumanWindow:
     """A window that shows frames at their own pace. Opens with the first frame."""
 
-    def __init__(self, title: str, frames_per_second: float) -> None:
+    def __init__(self, fps: float, title: str = "heave_env") -> None:
         """Remembers what to open.
 
         Args:
+            fps: Most frames shown in a second [1/s].
             title: Text of the title bar.
-            frames_per_second: Most frames shown in a second [1/s].
         """
+        self.fps = fps
         self.title = title
-        self.frames_per_second = frames_per_second
         self._screen: Any = None
         self._clock: Any = None
         self._is_dismissed = False
@@ -181,7 +186,7 @@ class HumanWindow:
         surface = pygame.image.frombuffer(np.ascontiguousarray(frame).tobytes(), frame.shape[1::-1], "RGB")
         self._screen.blit(surface, (0, 0))
         pygame.display.flip()
-        self._clock.tick(self.frames_per_second)
+        self._clock.tick(self.fps)
         if any(event.type == pygame.QUIT for event in pygame.event.get()):
             self._is_dismissed = True
             self.close()
@@ -208,11 +213,9 @@ class _Canvas:
     """Anti-aliased drawing in coordinates of the finished frame: x to the right, y down [px]."""
 
     def __init__(self) -> None:
-        modules = _pillow()
-        self._image_module, self._draw_module, self._font_module = modules
-        size = (FRAME_WIDTH * _SUPERSAMPLING, FRAME_HEIGHT * _SUPERSAMPLING)
-        self._image = self._image_module.new("RGB", size, _PANEL)
-        self._draw = self._draw_module.Draw(self._image)
+        _, draw_module, _ = _pillow()
+        self._image = _backdrop().copy()
+        self._draw = draw_module.Draw(self._image)
 
     def pixels(self) -> np.ndarray:
         """The finished frame, uint8, shape (480, 640, 3)."""
@@ -253,13 +256,6 @@ class _Canvas:
         font = _font(size * _SUPERSAMPLING)
         self._draw.text(self._scaled(at), text, fill=color, font=font, anchor=anchor)
 
-    def fade(self, outline: list[_Point], colors: tuple[_Color, _Color], top: float, bottom: float) -> None:
-        """A polygon filled with a vertical gradient between two heights."""
-        gradient = _gradient(colors, round(top), round(bottom))
-        mask = self._image_module.new("L", self._image.size, 0)
-        self._draw_module.Draw(mask).polygon([self._scaled(p) for p in outline], fill=255)
-        self._image.paste(gradient, (0, 0), mask)
-
     def _scaled(self, point: _Point) -> _Point:
         return point[0] * _SUPERSAMPLING, point[1] * _SUPERSAMPLING
 
@@ -289,14 +285,21 @@ def _font(size: float) -> Any:
     return _pillow()[2].load_default(size)
 
 
-@lru_cache(maxsize=4)
-def _gradient(colors: tuple[_Color, _Color], top: int, bottom: int) -> Any:
-    """Picture of the canvas's own size that goes from the first colour at `top` to the second at `bottom`."""
-    rows = np.arange(FRAME_HEIGHT * _SUPERSAMPLING) / _SUPERSAMPLING
-    share = np.clip((rows - top) / (bottom - top), 0.0, 1.0)[:, None]
-    column = (1.0 - share) * np.array(colors[0]) + share * np.array(colors[1])
-    strip = np.repeat(np.round(column).astype(np.uint8)[:, None, :], FRAME_WIDTH * _SUPERSAMPLING, axis=1)
-    return _pillow()[0].fromarray(strip)
+@lru_cache(maxsize=1)
+def _backdrop() -> Any:
+    """What never changes, at the canvas's size: sky down to the deepest trough, sea below it, panel."""
+    y = np.arange(FRAME_HEIGHT * _SUPERSAMPLING) / _SUPERSAMPLING
+    sky, sea = _gradient(_SKY, y / _WATERLINE), _gradient(_SEA, (y - _TROUGH) / (FRAME_HEIGHT - _TROUGH))
+    column = np.where(y[:, None] < _TROUGH, sky, sea)
+    picture = np.repeat(column[:, None, :], FRAME_WIDTH * _SUPERSAMPLING, axis=1)
+    picture[:, _SCENE_WIDTH * _SUPERSAMPLING :] = _PANEL
+    return _pillow()[0].fromarray(np.round(picture).astype(np.uint8))
+
+
+def _gradient(colors: tuple[_Color, _Color], share: np.ndarray) -> np.ndarray:
+    """From the first colour where `share` is 0 to the second where it is 1, (n, 3)."""
+    share = np.clip(share, 0.0, 1.0)[:, None]
+    return (1.0 - share) * np.array(colors[0], dtype=float) + share * np.array(colors[1], dtype=float)
 
 
 # The scene ---------------------------------------------------------------------------------------
@@ -309,7 +312,9 @@ class _Scene:
         self.pixels_per_metre = _HEAVE_ROOM / data.largest_heave
         self.lift = self.heave(data.boom_tip_heave)
         self.sheave = (_SHEAVE[0], _SHEAVE[1] - self.lift)
-        self.depth_shown = _rounded_up(data.still_length) if data.length > 0.0 else 0.0
+        self.depth_shown = (
+            _rounded_up(1.05 * data.still_length, (1.0, 2.0, 3.0, 5.0)) if data.length > 0.0 else 0.0
+        )
         self.still_y = self.depth(data.still_length) if self.depth_shown else 0.85 * _DEEPEST
         self.payload = (_SHEAVE[0], self.still_y - self.heave(data.payload_heave))
         # The mark on the drum moves as far as the cable does.
@@ -325,15 +330,12 @@ class _Scene:
 
 
 def _draw_sea(canvas: _Canvas, data: FrameData, scene: _Scene) -> None:
-    sky = [(0.0, 0.0), (_SCENE_WIDTH, 0.0), (_SCENE_WIDTH, _WATERLINE + 60.0), (0.0, _WATERLINE + 60.0)]
-    canvas.fade(sky, _SKY, 0.0, _WATERLINE)
     x = np.arange(0.0, _SCENE_WIDTH + 1.0, 2.0)
     # Distance from the boom tip, rounded off at zero so that the surface has no kink there.
     away = np.hypot(x - _SHEAVE[0], 12.0) - 12.0
     heave = _recent_heave(data, data.time - away / _WAVE_SPEED)
     surface = [(float(at), _WATERLINE - scene.heave(float(h))) for at, h in zip(x, heave, strict=True)]
-    bottom = [(float(_SCENE_WIDTH), float(FRAME_HEIGHT)), (0.0, float(FRAME_HEIGHT))]
-    canvas.fade(surface + bottom, _SEA, _WATERLINE, FRAME_HEIGHT)
+    canvas.polygon([*surface, (_SCENE_WIDTH, _TROUGH), (0.0, _TROUGH)], _SEA[0])
     canvas.line(surface, (178, 214, 224), 1.5)
 
 
@@ -456,7 +458,7 @@ def _draw_tension_scale(canvas: _Canvas, data: FrameData) -> None:
     canvas.line([(left + 2, bottom + 16), (left + 4.5, bottom + 13), (left + 7, bottom + 16)], _SLACK, 2.0)
     canvas.line([(left, bottom + 18), (left + 2, bottom + 16)], _SLACK, 2.0)
     canvas.line([(left + 7, bottom + 16), (left + 9, bottom + 14)], _SLACK, 2.0)
-    canvas.text((left + 14, bottom + 16), "slack", _PALE, 9.5, "lm")
+    canvas.text((left + 14, bottom + 16), "slack, or pushed", _PALE, 9.5, "lm")
 
 
 def _draw_caption(canvas: _Canvas, data: FrameData, scene: _Scene) -> None:
@@ -473,7 +475,6 @@ def _draw_caption(canvas: _Canvas, data: FrameData, scene: _Scene) -> None:
 
 def _draw_panel(canvas: _Canvas, data: FrameData) -> None:
     left = float(_SCENE_WIDTH)
-    canvas.box((left, 0.0), (float(FRAME_WIDTH), float(FRAME_HEIGHT)), _PANEL)
     both = [(data.trace_boom_tip, _BOOM_TIP), (data.trace_payload, _PAYLOAD)]
     canvas.text((left + 44, 10), "heave [m]", _PALE, 11.0)
     canvas.text((630, 11), "payload", _PAYLOAD, 10.5, "ra")
@@ -530,8 +531,9 @@ def _draw_readings(canvas: _Canvas, data: FrameData) -> None:
     ]
     if data.node_tension is not None:
         lowest = float(np.min(data.node_tension))
+        is_slack = abs(lowest) < _NO_TENSION
         rows.append(("sheave tension", f"{data.node_tension[0] / 1e3:.1f} kN", _PALE))
-        rows.append(("lowest tension", "slack" if lowest <= 0.0 else f"{lowest / 1e3:.1f} kN", _PALE))
+        rows.append(("lowest tension", "slack" if is_slack else f"{lowest / 1e3:.1f} kN", _PALE))
         rows.append(("cable outboard", f"{data.length:.2f} m", _PALE))
     for i, (label, reading, color) in enumerate(rows):
         y = 348.0 + 17.5 * i
@@ -542,10 +544,10 @@ def _draw_readings(canvas: _Canvas, data: FrameData) -> None:
 # Numbers and words -------------------------------------------------------------------------------
 
 
-def _rounded_up(value: float) -> float:
-    """The smallest of 1, 2, 5 times a power of ten that is at least `value`, which is positive."""
+def _rounded_up(value: float, steps: tuple[float, ...] = (1.0, 2.0, 5.0)) -> float:
+    """The smallest of `steps` times a power of ten that is at least `value`, which is positive."""
     decade = 10.0 ** math.floor(math.log10(value))
-    return next(step * decade for step in (1.0, 2.0, 5.0, 10.0) if step * decade >= 0.999999 * value)
+    return next(step * decade for step in (*steps, 10.0) if step * decade >= 0.999999 * value)
 
 
 def _finite(value: float) -> float:

@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+import heave_env
+
 ROOT = Path(__file__).resolve().parents[1]
 ROOMS = ("heave_env", "baselines", "agents", "experiments")  # each imports only those before it
 CORE_PACKAGES = {"numpy", "scipy", "numba", "gymnasium", "yaml"}
@@ -131,6 +133,12 @@ def test_importing_the_environment_loads_nothing_heavy():
     code = f"import sys, heave_env; print([name for name in {heavy} if name in sys.modules])"
     done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, cwd=ROOT, check=False)
     assert done.stdout.strip() == "[]", done.stderr
+
+
+def test_the_citation_file_tells_the_version():
+    version = re.search(r"^version: (.+)$", (ROOT / "CITATION.cff").read_text(encoding="utf-8"), re.MULTILINE)
+    assert version is not None
+    assert version[1] == heave_env.__version__
 
 
 CITATION = re.compile(r"([A-ZÅ]\w+(?: et al\.|(?:, [A-Z]\w+)* and [A-Z]\w+)?) \((\d{4})\)")

@@ -156,13 +156,14 @@ def test_text_names_every_quantity_with_its_unit():
     assert "+98.60 kN" in text
     assert "taut" in text
     assert "slack" in ansi_frame(frame_data(node_tension=np.zeros(21)))
+    assert "pushed" in ansi_frame(frame_data(node_tension=np.full(21, -5e3)))
     assert "tension" not in ansi_frame(linear_data())
 
 
 def test_a_window_shows_frames_closes_twice_and_stays_closed_for_its_user(monkeypatch):
     monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
     pygame = pytest.importorskip("pygame")
-    window = HumanWindow("heave", frames_per_second=500.0)
+    window = HumanWindow(fps=500.0)
     assert not window.is_open
     picture = draw_frame(frame_data())
     window.show(picture)
