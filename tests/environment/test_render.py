@@ -3,9 +3,11 @@
 import subprocess
 import sys
 
+import gymnasium as gym
 import numpy as np
 import pytest
 
+import heave_env.scenarios
 from heave_env.render import (
     FRAME_HEIGHT,
     FRAME_WIDTH,
@@ -181,6 +183,51 @@ def test_a_window_shows_frames_closes_twice_and_stays_closed_for_its_user(monkey
     assert not window.is_open
 
 
-def test_the_module_imports_neither_pillow_nor_pygame_until_it_draws():
-    code = "import sys, heave_env.render; sys.exit('PIL' in sys.modules or 'pygame' in sys.modules)"
+@pytest.mark.parametrize("name", heave_env.scenarios.names())
+def test_every_scenario_can_be_looked_at(name):
+    scenario = heave_env.scenarios.load(name)
+    env = gym.make(scenario.environment_id, render_mode="rgb_array")
+    env.reset(seed=3)
+    first = env.render()
+    for _ in range(20):
+        env.step(np.ones(1, dtype=np.float32))
+    later = env.render()
+    env.close()
+    assert first.shape == later.shape == (FRAME_HEIGHT, FRAME_WIDTH, 3)
+    assert first.dtype == later.dtype == np.uint8
+    assert np.any(first != later)
+
+
+def test_a_batch_gives_a_frame_per_row_or_a_text_per_row():
+    for mode, kind in (("rgb_array", np.ndarray), ("ansi", str)):
+        envs = gym.make_vec("heave_env/sea_state_5-v0", num_envs=3, render_mode=mode)
+        envs.reset(seed=3)
+        frames = envs.render()
+        envs.close()
+        assert [type(frame) for frame in frames] == [kind] * 3
+
+
+def test_a_person_sees_a_window_that_follows_the_steps(monkeypatch):
+    monkeypatch.setenv("SDL_VIDEODRIVER", "dummy")
+    pygame = pytest.importorskip("pygame")
+    env = gym.make("heave_env/sea_state_5-v0", render_mode="human")
+    env.reset(seed=3)
+    before = pygame.surfarray.array3d(pygame.display.get_surface()).copy()
+    env.step(np.ones(1, dtype=np.float32))
+    after = pygame.surfarray.array3d(pygame.display.get_surface()).copy()
+    assert env.render() is None
+    env.close()
+    assert np.any(before != after)
+    assert not pygame.display.get_init()
+
+
+def test_making_an_environment_that_can_draw_loads_nothing_to_draw_with():
+    code = """
+import sys
+import gymnasium
+import heave_env
+import heave_env.render
+gymnasium.make("heave_env/sea_state_5-v0", render_mode="rgb_array").reset()
+sys.exit("PIL" in sys.modules or "pygame" in sys.modules)
+"""
     assert subprocess.run([sys.executable, "-c", code], check=False).returncode == 0
