@@ -6,6 +6,8 @@ import sys
 import gymnasium as gym
 import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import heave_env.scenarios
 from heave_env.render import (
@@ -136,6 +138,27 @@ def test_what_is_missing_or_not_finite_is_drawn_all_the_same(empty):
 def test_a_given_range_of_motion_fixes_the_scale():
     calm = frame_data(motion_range=3.0, trace_boom_tip=np.zeros(601), trace_payload=np.zeros(601))
     assert calm.largest_heave == frame_data(motion_range=3.0).largest_heave == 5.0
+
+
+@settings(max_examples=25, deadline=None)
+@given(
+    heave=st.floats(-1e6, 1e6),
+    payload=st.floats(-1e6, 1e6),
+    winch=st.floats(-40.0, 40.0),
+    length=st.floats(50.0, 1e4),
+    tension=st.floats(-1e9, 1e9),
+)
+def test_whatever_happens_can_be_drawn_and_told(heave, payload, winch, length, tension):
+    data = frame_data(
+        boom_tip_heave=heave,
+        payload_heave=payload,
+        winch_displacement=winch,
+        length=length,
+        node_tension=np.full(21, tension),
+    )
+    assert data.largest_heave >= max(abs(heave), abs(payload)) * (1.0 - 1e-6)
+    assert draw_frame(data).shape == (FRAME_HEIGHT, FRAME_WIDTH, 3)
+    assert len(ansi_frame(data).splitlines()) == 8
 
 
 def test_rounding_errors_in_a_calm_sea_are_not_blown_up():
