@@ -9,13 +9,12 @@ from __future__ import annotations
 import argparse
 import os
 import sys
-from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager
+from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
 from experiments.rollout import FIRST_TEST_SEED
-from heave_env import scenarios
+from heave_env import __version__, scenarios
 from heave_env.scenarios import Scenario
 
 BAD_INPUT = 2
@@ -73,9 +72,8 @@ def parser() -> Parser:
         epilog="start with:\n  heave demo\n  heave scenarios list\n"
         "  heave compare sea_state_5 --out runs/first",
     )
-    from experiments.provenance import package_version
 
-    top.add_argument("--version", action="version", version=f"heave {package_version()}")
+    top.add_argument("--version", action="version", version=f"heave {__version__}")
     verbs = top.add_subparsers(metavar="VERB", required=True, parser_class=Parser)
 
     def verb(name: str, run: Callable[[argparse.Namespace], None], summary: str, *examples: str) -> Parser:
@@ -285,35 +283,50 @@ def _console(**options: Any) -> Any:
     return Console(highlight=False, **options)
 
 
-@contextmanager
-def _bars() -> Iterator[Callable[[str, str, int, int], None]]:
-    """A progress bar on stderr per scenario and controller."""
-    from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+class Bars:
+    """A progress bar on a terminal's stderr per scenario and controller.
 
-    with Progress(
-        TextColumn("{task.description}"),
-        BarColumn(),
-        TaskProgressColumn(),
-        TimeRemainingColumn(),
-        console=_console(stderr=True),
-        transient=True,
-    ) as bars:
-        tasks: dict[tuple[str, str], Any] = {}
+    They appear with the first step, so that a training before it can draw its own.
+    """
 
-        def advance(scenario: str, label: str, count: int, total: int) -> None:
-            key = (scenario, label)
-            if key not in tasks:
-                tasks[key] = bars.add_task(f"{scenario}: {label}", total=total)
-            bars.advance(tasks[key], count)
+    def __init__(self) -> None:
+        self.drawn: Any = None
+        self.tasks: dict[tuple[str, str], Any] = {}
 
-        yield advance
+    def __enter__(self) -> Bars:
+        return self
+
+    def __call__(self, scenario: str, label: str, count: int, total: int) -> None:
+        """Advances the bar of a scenario and controller by `count` of `total`."""
+        if self.drawn is None:
+            from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
+
+            console = _console(stderr=True)
+            self.drawn = Progress(
+                TextColumn("{task.description}", markup=False),
+                BarColumn(),
+                TaskProgressColumn(),
+                TimeRemainingColumn(),
+                console=console,
+                transient=True,
+                disable=not console.is_terminal,
+            )
+            self.drawn.start()
+        key = (scenario, label)
+        if key not in self.tasks:
+            self.tasks[key] = self.drawn.add_task(f"{scenario}: {label}", total=total)
+        self.drawn.advance(self.tasks[key], count)
+
+    def __exit__(self, *error: object) -> None:
+        if self.drawn is not None:
+            self.drawn.stop()
 
 
 def _demo(options: argparse.Namespace) -> None:
     from experiments.demo import N_SEEDS, demo
 
     note = _console(stderr=True)
-    with _Deferred(_bars) as advance:
+    with Bars() as advance:
         out = demo(
             options.out,
             n_seeds=N_SEEDS if options.seeds is None else options.seeds,
@@ -324,30 +337,6 @@ def _demo(options: argparse.Namespace) -> None:
             progress=advance,
         )
     _print_tables(out)
-
-
-class _Deferred:
-    """Progress bars that appear with the first step, so that a training's own bar is undisturbed."""
-
-    def __init__(self, bars: Callable[[], Any]) -> None:
-        self.bars = bars
-        self.opened: Any = None
-        self.draw: Callable[[str, str, int, int], None] | None = None
-
-    def __enter__(self) -> Callable[[str, str, int, int], None]:
-        return self.advance
-
-    def advance(self, scenario: str, label: str, count: int, total: int) -> None:
-        """Advances the bar of a scenario and controller."""
-        if self.draw is None:
-            self.opened = self.bars()
-            self.draw = self.opened.__enter__()
-        assert self.draw is not None
-        self.draw(scenario, label, count, total)
-
-    def __exit__(self, *error: Any) -> None:
-        if self.opened is not None:
-            self.opened.__exit__(*error)
 
 
 def _scenarios(options: argparse.Namespace) -> None:
@@ -426,7 +415,7 @@ def _compare(options: argparse.Namespace) -> None:
     from experiments.compare import compare
 
     chosen = [scenario_of(name, options.settings) for name in options.scenario]
-    with _bars() as advance:
+    with Bars() as advance:
         out = compare(
             chosen,
             options.controllers.split(","),
@@ -445,6 +434,7 @@ def _compare(options: argparse.Namespace) -> None:
 
 def _print_tables(out: Path) -> None:
     """Prints the main numbers of a comparison's folder, and where the report lies."""
+    from rich.markup import escape
     from rich.table import Table
 
     from experiments import runs
@@ -470,11 +460,12 @@ def _print_tables(out: Path) -> None:
             "J / optimum",
             "ended early",
         ):
-            table.add_column(heading, justify="left" if heading in ("controller", "sees") else "right")
+            shape: Any = "left" if heading in ("controller", "sees") else "right"
+            table.add_column(escape(heading), justify=shape)
         for label, entry in item["controllers"].items():
             metrics = entry["metrics"]
             table.add_row(
-                label,
+                escape(label),
                 entry["information_set"].replace("_", " "),
                 with_interval(metrics["payload_heave_std"], 1e3),
                 significant(1e3 * (metrics["payload_heave_std"]["maximum"] or 0.0)),

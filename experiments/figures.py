@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import math
 from collections.abc import Sequence
 from typing import Any
 
@@ -14,7 +15,7 @@ COLOURS = ("#8a8f98", "#d1495b", "#e08e1b", "#1f77b4", "#2a9d63", "#7b4bb3", "#1
 """Line colours; the first is kept for no control. They differ in lightness, for print without colour."""
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-", (0, (6, 1.5, 1.2, 1.5)), "-")
 """Line styles that tell controllers apart beside the colour."""
-SHOWN = 90.0
+SHOWN = 60.0
 """Length of the time series that is drawn [s]."""
 
 _STYLE: dict[str, Any] = {
@@ -88,6 +89,16 @@ def _styled(draw: Any) -> Any:
     return styled
 
 
+def _decades(axis: Any, small: float, large: float) -> None:
+    """A scale that is linear up to the decade of `small` and logarithmic to that of `large`, both signs."""
+    first, last = math.ceil(math.log10(small)), math.ceil(math.log10(large))
+    ticks = [10.0**power for power in range(first, last + 1, max(1, (last - first) // 2))]
+    axis.set_yscale("symlog", linthresh=10.0**first, linscale=1.0)
+    axis.set_yticks([-tick for tick in reversed(ticks)] + [0.0] + ticks)
+    axis.set_yticklabels([f"{tick:g}" for tick in axis.get_yticks()])
+    axis.minorticks_off()
+
+
 def _metres(size: float) -> tuple[float, str]:
     """Factor and unit in which lengths of about this size read well."""
     if size < 2e-3:
@@ -135,15 +146,16 @@ def time_series(time: Array, channels: dict[str, dict[str, Array]], *, start: fl
     axis = place["payload"]
     shares = [float(np.std(channels[label]["payload_heave"][shown])) for label in acting]
     scale, unit = _metres(max(shares))
+    title = "Payload heave under control"
     quiet = [share for share in shares if share > 0.0]
     for label in acting:
         series = scale * channels[label]["payload_heave"][shown]
         axis.plot(time[shown], series, color=colours[label], ls=dashes[label], label=label)
     if quiet and max(quiet) > 30.0 * min(quiet):
-        axis.set_yscale("symlog", linthresh=max(3.0 * scale * min(quiet), 1e-9))
-        unit += ", linear to log"
+        _decades(axis, 3.0 * scale * min(quiet), 4.0 * scale * max(quiet))
+        title += ", logarithmic beyond the inner ticks"
     axis.set_ylabel(f"payload [{unit}]")
-    axis.set_title("Payload heave under control")
+    axis.set_title(title)
     axis = place["command"]
     for label in acting:
         series = channels[label]["command"]
@@ -248,7 +260,8 @@ def motion_against_energy(heave_std: dict[str, Array], energy: dict[str, Array])
     axis.set_xlabel("control energy, mean u0² [m²]")
     axis.set_ylabel("std of payload heave [m]")
     axis.set_title("Motion against energy: small dots are seas")
-    axis.legend(fontsize=8)
+    if axis.get_legend_handles_labels()[0]:
+        axis.legend(fontsize=8)
     return _drawn(figure)
 
 

@@ -12,6 +12,8 @@ from importlib import metadata
 from pathlib import Path
 from typing import Any
 
+import heave_env
+
 PACKAGES = (
     "numpy",
     "scipy",
@@ -25,18 +27,10 @@ PACKAGES = (
 """Distributions whose versions can alter a result or a figure."""
 
 
-def package_version() -> str:
-    """Version of the installed heave-env, or `unknown` when it runs from a bare checkout."""
-    try:
-        return metadata.version("heave-env")
-    except metadata.PackageNotFoundError:
-        return "unknown"
-
-
 @cache
 def versions() -> dict[str, str]:
     """Versions of heave-env, Python and the installed packages that matter; nothing is imported."""
-    found = {"heave-env": package_version(), "python": platform.python_version()}
+    found = {"heave-env": heave_env.__version__, "python": platform.python_version()}
     for name in PACKAGES:
         try:
             found[name] = metadata.version(name)

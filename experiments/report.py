@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from experiments import figures, runs
-from experiments.provenance import package_version
 
 Array = np.ndarray
 
@@ -44,7 +43,12 @@ def with_interval(found: dict[str, Any] | None, factor: float = 1.0) -> str:
         return significant(factor * mean)
     if factor * abs(mean) >= 1e6 or half < 1e-5:
         return f"{significant(factor * mean)} ± {significant(half, 2)}"
-    decimals = max(0, 1 - math.floor(math.log10(half)))
+    decimals = 1 - math.floor(math.log10(half))
+    if decimals < 0:
+        rounded = (round(factor * mean, decimals), round(half, decimals))
+        return (
+            "{:,.0f} ± {:,.0f}".format(*rounded).replace("-", "−").replace(",", "\N{NARROW NO-BREAK SPACE}")
+        )
     if mean != 0.0:  # five significant digits say enough
         decimals = min(decimals, max(0, 4 - math.floor(math.log10(factor * abs(mean)))))
     bound = f"{half:.{decimals}f}"
@@ -343,7 +347,6 @@ def render(folder: str | Path) -> str:
             "last_seed": run["first_seed"] + run["n_seeds"] - 1,
             "dtype": run["dtype"],
             "made": made,
-            "version": package_version(),
         }
     except (KeyError, IndexError, TypeError) as error:
         raise ValueError(

@@ -1,0 +1,350 @@
+"""A comparison's files: their columns, seeds and numbers, and the page drawn from them."""
+
+from __future__ import annotations
+
+import csv
+import json
+import math
+from html.parser import HTMLParser
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from experiments import report, runs
+from experiments.compare import (
+    RESULT_COLUMNS,
+    check_specs,
+    compare,
+    controller_of,
+    default_reference,
+    labels_of,
+)
+from experiments.metrics import METRICS
+from experiments.rollout import FIRST_TEST_SEED, rollout
+from heave_env.scenarios import from_mapping, load, with_value
+from tests.experiments.stored import comparison
+
+FILES = {"results.csv", "results.json", "episodes.csv", "trajectories.npz", "run.json", "report.html"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """Two scenarios, three controllers, three seas of 40 s."""
+    return compare(
+        [load("thesis_linear"), load("sea_state_5")],
+        ["none", "lqr", "lqg"],
+        n_seeds=3,
+        out=tmp_path_factory.mktemp("runs") / "comparison",
+        duration=40.0,
+        arguments=["compare", "thesis_linear"],
+    )
+
+
+def rows_of(path: Path) -> list[dict[str, str]]:
+    with path.open(newline="", encoding="utf-8") as file:
+        return list(csv.DictReader(file))
+
+
+def value(rows, scenario, controller, metric):
+    (row,) = (
+        r for r in rows if (r["scenario"], r["controller"], r["metric"]) == (scenario, controller, metric)
+    )
+    return float(row["value"])
+
+
+def test_the_folder_holds_every_file_and_nothing_half_written(folder):
+    assert {path.name for path in folder.iterdir()} == FILES
+
+
+def test_results_are_tidy(folder):
+    rows = rows_of(folder / "results.csv")
+    assert tuple(rows[0]) == RESULT_COLUMNS
+    keys = [(row["scenario"], row["controller"], row["metric"]) for row in rows]
+    assert len(set(keys)) == len(keys)
+    for row in rows:
+        assert math.isfinite(float(row["value"]))
+        assert row["n_seas"] == "3"
+        assert row["unit"]
+        if row["low"]:
+            assert float(row["low"]) <= float(row["value"]) <= float(row["high"])
+    found = {row["metric"] for row in rows if row["scenario"] == "sea_state_5"}
+    assert set(METRICS) <= found
+    assert {"energy_index", "cost_difference", "payload_heave_std_median", "diverged"} <= found
+
+
+def test_metrics_of_tension_are_left_out_where_there_is_none(folder):
+    found = {row["metric"] for row in rows_of(folder / "results.csv") if row["scenario"] == "thesis_linear"}
+    assert not found & {name for name, metric in METRICS.items() if metric.cable}
+
+
+def test_the_proven_optimum_is_compared_where_there_is_one(folder):
+    rows = rows_of(folder / "results.csv")
+    ratio = value(rows, "thesis_linear", "none", "cost_ratio_to_optimum")
+    summary = json.loads((folder / "results.json").read_text(encoding="utf-8"))
+    optimum = summary["scenarios"]["thesis_linear"]["controllers"]["none"]["optimal_cost"]
+    assert ratio == pytest.approx(value(rows, "thesis_linear", "none", "cost") / optimum)
+    assert not any(r["metric"] == "cost_ratio_to_optimum" for r in rows if r["scenario"] == "sea_state_5")
+
+
+def test_the_seas_are_the_first_test_seas(folder):
+    rows = rows_of(folder / "episodes.csv")
+    assert {int(row["seed"]) for row in rows} == set(range(FIRST_TEST_SEED, FIRST_TEST_SEED + 3))
+    assert len(rows) == 2 * 3 * 3
+    assert FIRST_TEST_SEED == 20_000_000
+
+
+def test_results_are_the_means_of_the_episodes(folder):
+    episodes = rows_of(folder / "episodes.csv")
+    rows = rows_of(folder / "results.csv")
+    heave = [
+        float(row["payload_heave_std [m]"])
+        for row in episodes
+        if (row["scenario"], row["controller"]) == ("sea_state_5", "lqg")
+    ]
+    assert value(rows, "sea_state_5", "lqg", "payload_heave_std") == pytest.approx(np.mean(heave))
+    locked = [float(row["efficiency_locked_winch [-]"]) for row in episodes if row["controller"] == "none"]
+    assert locked == [0.0] * 6
+
+
+def test_differences_are_paired_with_the_reference(folder):
+    episodes = rows_of(folder / "episodes.csv")
+
+    def cost(label):
+        return np.array(
+            [
+                float(row["cost [-]"])
+                for row in episodes
+                if (row["scenario"], row["controller"]) == ("thesis_linear", label)
+            ]
+        )
+
+    rows = rows_of(folder / "results.csv")
+    expected = np.mean(cost("none") - cost("lqg"))
+    assert value(rows, "thesis_linear", "none", "cost_difference") == pytest.approx(expected)
+    assert not any(r["controller"] == "lqg" and r["metric"] == "cost_difference" for r in rows)
+
+
+def test_json_is_strict_and_names_its_origin(folder):
+    def refuse(constant):
+        raise AssertionError(f"{constant} is no JSON")
+
+    for name in ("run.json", "results.json"):
+        content = json.loads((folder / name).read_text(encoding="utf-8"), parse_constant=refuse)
+        made = content["provenance"]
+        assert {"command", "date", "commit", "versions"} <= set(made)
+    run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    assert (run["kind"], run["first_seed"], run["n_seeds"]) == ("comparison", FIRST_TEST_SEED, 3)
+    stored = run["scenarios"][1]
+    assert from_mapping(stored["scenario"]).fingerprint == stored["fingerprint"]
+
+
+def test_stored_series_are_those_of_the_rollout(folder):
+    arrays = runs.read_arrays(folder / "trajectories.npz")
+    scenario = load("sea_state_5")
+    again = rollout(scenario, controller_of("lqg", scenario), [FIRST_TEST_SEED], duration=40.0)
+    series = arrays["sea_state_5/lqg/payload_heave"][:, 0]
+    assert np.array_equal(series, again.states["payload_heave"][:, 0].astype(np.float32))
+    assert arrays["sea_state_5/time"][-1] == 40.0
+
+
+def test_a_short_episode_is_scored_after_a_quarter(folder):
+    run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+    assert [(item["warm_up"], item["scored"]) for item in run["scenarios"]] == [(10.0, 30.0)] * 2
+
+
+def test_the_locked_winch_runs_even_when_it_is_not_asked_for(tmp_path):
+    out = compare([load("thesis_linear")], ["lqg"], n_seeds=2, out=tmp_path, duration=20.0)
+    rows = rows_of(out / "results.csv")
+    assert {row["controller"] for row in rows} == {"lqg"}
+    assert value(rows, "thesis_linear", "lqg", "efficiency_locked_winch") > 0.5
+
+
+def test_a_lost_payload_is_counted_and_charged(tmp_path):
+    scenario = with_value(load("snap"), "cable.breaking_strength", 20_000.0)
+    out = compare([scenario], ["none"], n_seeds=2, out=tmp_path, duration=30.0)
+    rows = rows_of(out / "results.csv")
+    assert value(rows, "snap", "none", "lost") == 2
+    assert value(rows, "snap", "none", "cost") > 1e3
+    assert "2 lost" in (out / "report.html").read_text(encoding="utf-8")
+
+
+# Asked for wrongly -------------------------------------------------------------------------------
+
+
+def test_labels_are_short_and_distinct(tmp_path):
+    runs_of = [tmp_path / part for part in ("a/ppo", "b/ppo", "b/sac")]
+    specs = ["none", *(f"agent:{run}" for run in runs_of)]
+    labels = labels_of(specs)
+    assert labels["none"] == "none"
+    assert labels[specs[3]] == "agent:sac"
+    assert labels[specs[1]] == specs[1]
+    assert len(set(labels.values())) == 4
+
+
+def test_the_reference_is_lqg_where_it_takes_part():
+    assert default_reference(["none", "lqg"]) == "lqg"
+    assert default_reference(["lqr", "none"]) == "lqr"
+
+
+@pytest.mark.parametrize(
+    ("specs", "complaint"),
+    [
+        ([], "no controller"),
+        (["lqgg"], "did you mean 'lqg'"),
+        (["none", "none"], "twice"),
+        (["agent:"], "run folder"),
+        (["agent:/nowhere/at/all"], "there is no run"),
+    ],
+)
+def test_impossible_controllers_are_refused(specs, complaint):
+    with pytest.raises(ValueError, match=complaint):
+        check_specs(specs)
+
+
+@pytest.mark.parametrize(
+    ("changed", "complaint"),
+    [
+        ({"n_seeds": 0}, "at least 1"),
+        ({"reference": "pid"}, "not among the controllers"),
+        ({"duration": 3.33}, "whole number of control steps"),
+        ({"warm_up": 50.0}, "warm-up"),
+        ({"scenarios": [load("snap"), load("snap")]}, "twice"),
+        ({"scenarios": []}, "no scenario"),
+    ],
+)
+def test_impossible_comparisons_write_nothing(tmp_path, changed, complaint):
+    arguments = {
+        "scenarios": [load("thesis_linear")],
+        "controllers": ["none"],
+        "n_seeds": 1,
+        "duration": 20.0,
+        "out": tmp_path / "out",
+    } | changed
+    with pytest.raises(ValueError, match=complaint):
+        compare(arguments.pop("scenarios"), arguments.pop("controllers"), **arguments)
+    assert not (tmp_path / "out").exists()
+
+
+def test_a_training_run_is_not_overwritten(tmp_path):
+    (tmp_path / "run.json").write_text('{"algorithm": "ppo"}', encoding="utf-8")
+    with pytest.raises(ValueError, match="another kind of run"):
+        compare([load("thesis_linear")], ["none"], n_seeds=1, out=tmp_path, duration=20.0)
+    assert (tmp_path / "run.json").read_text(encoding="utf-8") == '{"algorithm": "ppo"}'
+
+
+# The page ----------------------------------------------------------------------------------------
+
+
+class Page(HTMLParser):
+    """Collects what a page refers to, its images and its tables' cells."""
+
+    def __init__(self, text: str) -> None:
+        super().__init__()
+        self.references, self.images, self.open = [], [], []
+        self.cells = []
+        self.feed(text)
+
+    def handle_starttag(self, tag, attributes):
+        found = dict(attributes)
+        self.references += [found[key] for key in ("src", "href", "data", "action") if key in found]
+        if tag == "img":
+            self.images.append(found["src"])
+        self.open.append(tag)
+
+    def handle_endtag(self, tag):
+        while self.open and self.open.pop() != tag:
+            pass
+
+    def handle_data(self, data):
+        if self.open and self.open[-1] in ("td", "small"):
+            self.cells.append(data)
+
+
+@pytest.fixture(scope="module")
+def page(folder):
+    return Page((folder / "report.html").read_text(encoding="utf-8"))
+
+
+def test_the_page_is_self_contained(folder, page):
+    text = (folder / "report.html").read_text(encoding="utf-8")
+    assert all(item.startswith(("data:", "#")) for item in page.references)
+    assert "http" not in text.replace("data:image/svg+xml", "")
+    assert "<script" not in text
+    assert "@import" not in text
+
+
+def test_the_page_shows_four_figures_of_each_scenario(page):
+    assert len(page.images) == 8
+    assert all(image.startswith("data:image/svg+xml;base64,") for image in page.images)
+
+
+def test_what_a_controller_sees_and_the_delay_stand_beside_every_result(page):
+    beside = [cell for cell in page.cells if "delay" in cell]
+    assert len(beside) == 3 * 2 + 3 * 3  # a linear plant has two tables, a cable three
+    assert beside.count("sensors · delay 0.2 s") == 9
+
+
+def test_the_page_has_no_number_that_is_none_or_nan(page):
+    assert not [cell for cell in page.cells if cell.strip().lower() in ("nan", "none", "inf", "")]
+
+
+def test_a_page_is_redrawn_without_simulating(folder, monkeypatch):
+    def refuse(*arguments, **options):
+        raise AssertionError("a report simulates nothing")
+
+    monkeypatch.setattr("experiments.compare.rollout", refuse)
+    monkeypatch.setattr("heave_env.env.HeaveVectorEnv.__init__", refuse)
+    before = (folder / "report.html").read_text(encoding="utf-8")
+    (folder / "report.html").unlink()
+    assert report.write_report(folder).read_text(encoding="utf-8") == before
+
+
+def test_a_made_up_comparison_is_reported(tmp_path):
+    text = report.write_report(comparison(tmp_path)).read_text(encoding="utf-8")
+    assert "agent:ppo" in text
+    assert "sensors history" in text
+
+
+def test_broken_folders_are_refused_with_a_sentence(tmp_path):
+    with pytest.raises(ValueError, match="holds no comparison"):
+        report.write_report(tmp_path)
+    comparison(tmp_path)
+    (tmp_path / "trajectories.npz").write_bytes(b"PK not a zip")
+    with pytest.raises(ValueError, match="cannot read arrays"):
+        report.write_report(tmp_path)
+    assert not (tmp_path / "report.html").exists()
+    comparison(tmp_path)
+    (tmp_path / "results.json").write_text('{"scenarios": {}}', encoding="utf-8")
+    with pytest.raises(ValueError, match="incomplete"):
+        report.write_report(tmp_path)
+
+
+@pytest.mark.parametrize(
+    ("number", "text"),
+    [
+        (0.0, "0"),
+        (1234.5, "1234"),
+        (0.0123456, "0.0123"),
+        (2.96e-4, "2.96·10^−4"),
+        (-3.0, "−3.00"),
+        (999.9, "1000"),
+        (None, "–"),
+        (math.nan, "–"),
+    ],
+)
+def test_numbers_are_shown_to_three_digits(number, text):
+    assert report.significant(number) == text
+
+
+@pytest.mark.parametrize(
+    ("mean", "half", "text"),
+    [
+        (2.6664, 0.0862, "2.666 ± 0.086"),
+        (96.99902, 6.7e-4, "96.999 ± 0.001"),
+        (159876.0, 15700.0, "160 000 ± 16 000"),
+    ],
+)
+def test_an_interval_sets_the_digits_of_its_mean(mean, half, text):
+    shown = report.with_interval({"mean": mean, "low": mean - half, "high": mean + half})
+    assert shown.replace("\N{NARROW NO-BREAK SPACE}", " ") == text
