@@ -226,7 +226,9 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
         if options is not None and "reset_mask" in options:
             mask = self._checked_mask(options["reset_mask"])
         if not self._begun and not mask.all():
-            raise ValueError("reset_mask must be all true in the first reset: the other rows have no episode yet")
+            raise ValueError(
+                "reset_mask must be all true in the first reset: the other rows have no episode yet"
+            )
         seeds = self._seeds(seed)
         self.plant.begin(mask, seeds)
         self._begun = True
@@ -333,7 +335,12 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
 
     def _checked_mask(self, mask: Any) -> Array:
         wanted = (self.num_envs,)
-        if not isinstance(mask, np.ndarray) or mask.dtype != np.bool_ or mask.shape != wanted or not mask.any():
+        if (
+            not isinstance(mask, np.ndarray)
+            or mask.dtype != np.bool_
+            or mask.shape != wanted
+            or not mask.any()
+        ):
             raise ValueError(f"reset_mask must be a bool array of shape {wanted} with at least one true")
         return mask
 

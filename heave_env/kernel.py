@@ -274,7 +274,7 @@ def _boom_tip_at_substep(S, I, cfg, tables, substep, n_lanes):
 
 @stage
 def _time_at_speed(time, running, ramp):
-    """Distance over speed of a pay-out that runs for `running` s from time 0, its speed averaged over `ramp`."""
+    """Distance over speed of a pay-out from time 0, `running` s long, its speed averaged over `ramp`."""
     now = min(max(time, 0.0), running)
     if ramp > 0.0:
         # The integral of the unramped profile, over the window of the ramp.
@@ -444,7 +444,7 @@ def _charge(S, I, cfg, block, n_envs, reward, outcome, n_lanes):
         unsafe += one if (cable and S[TENSION_MAX, lane] > S[TENSION_LIMIT, lane]) else zero
         unsafe += one if abs(S[WINCH_DISPLACEMENT, lane]) >= S[STROKE_LIMIT, lane] else zero
         remaining = real(max(cfg[N_STEPS] - np.int64(I[STEP, lane]) - 1, 0))
-        failed = fate == DIVERGED or fate == LOST
+        failed = fate in (DIVERGED, LOST)
         S[POSITION_COST, lane] = S[POSITION_WEIGHT, lane] * x * x
         S[COMMAND_COST, lane] = S[COMMAND_WEIGHT, lane] * u0 * u0
         S[FAILURE_COST, lane] = S[FAILURE_RATE, lane] * remaining if failed else zero
@@ -470,7 +470,7 @@ def _show(S, block, n_envs, channels, first_lane, last_lane):
 # The two faces of the kernel ---------------------------------------------------------------------
 
 
-def _make(n_lanes: int, fingerprint: int):  # type: ignore[no-untyped-def]
+def _make(n_lanes: int, fingerprint: int):
     """The kernel for blocks of `n_lanes` environments."""
 
     @njit(cache=True, nogil=True, error_model="numpy")

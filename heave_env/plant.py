@@ -10,6 +10,7 @@ import logging
 import math
 import time
 from concurrent.futures import ThreadPoolExecutor
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -94,7 +95,7 @@ class Plant:
     outcome: Array
     """What became of each row in the last step: 0 running, 1 diverged, 2 lost, 3 landed, (n_envs,)."""
     channels: Array
-    """Physical channels in the order of `layout.CHANNEL_NAMES`, (n_envs, n_channels); no rows unless shown."""
+    """Physical channels, ordered as `layout.CHANNEL_NAMES`, (n_envs, n_channels); no rows unless shown."""
 
     def __init__(
         self,
@@ -139,7 +140,7 @@ class Plant:
         self._position = 0
         n_threads = min(int(n_threads), self.n_blocks)
         cuts = np.linspace(0, self.n_blocks, n_threads + 1).astype(int)
-        self._shares = [(int(a), int(b)) for a, b in zip(cuts, cuts[1:], strict=False)]
+        self._shares = [(int(a), int(b)) for a, b in pairwise(cuts)]
         self._pool = ThreadPoolExecutor(n_threads) if n_threads > 1 else None
 
     def _lay_out(self) -> None:
@@ -149,9 +150,7 @@ class Plant:
         ages = [round(sensor.delay / scenario.control_dt) for sensor in sensors]
         n_filter = scenario.n_filter_states
         kind = _SEA_KINDS[scenario.sea_state.kind]
-        components = (
-            boom_tip_components(scenario.sea_state, scenario.vessel) if kind == k.SINUSOIDS else None
-        )
+        components = boom_tip_components(scenario.sea_state, scenario.vessel) if kind == k.SINUSOIDS else None
         cfg[k.SEA_KIND] = kind
         cfg[k.N_FILTER] = n_filter
         cfg[k.N_COMPONENTS] = 0 if components is None else len(components.amplitude)
@@ -203,7 +202,9 @@ class Plant:
         )
         if kind == k.RECORDED:
             place(k.AT_RECORDING, self._recording())
-        readings = [(list(CHANNELS).index(sensor.channel), age) for sensor, age in zip(sensors, ages, strict=True)]
+        readings = [
+            (list(CHANNELS).index(sensor.channel), age) for sensor, age in zip(sensors, ages, strict=True)
+        ]
         self._cfg = np.concatenate([cfg, np.ravel(np.array(readings, dtype=np.int64)), np.array(lags)])
         self._cfg = self._cfg.astype(np.int64)
         self._tables = np.concatenate(tables)
@@ -353,7 +354,8 @@ class Plant:
             if given.shape != mine.shape or given.dtype != mine.dtype:
                 raise ValueError(
                     f"plant state {name!r} has shape {given.shape} and type {given.dtype}, this plant "
-                    f"{mine.shape} and {mine.dtype}; restore it into the scenario, batch and dtype it came from"
+                    f"{mine.shape} and {mine.dtype}; restore it into the scenario, batch and dtype it came "
+                    "from"
                 )
             mine[...] = given
         self._position = int(state["position"])
@@ -413,7 +415,7 @@ def simulate(
         record[step + 1] = plant.channels
     names = channel_names(scenario)
     result = {name: record[:, :, rows.CHANNEL_NAMES.index(name)].copy() for name in names}
-    result["time"] = scenario.control_dt * np.arange(n_steps + 1)
+    result["time"] = scenario.control_dt * np.arange(n_steps + 1, dtype=np.float64)
     return result
 
 

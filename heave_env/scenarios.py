@@ -18,6 +18,7 @@ import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
+from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -137,7 +138,9 @@ class Scenario:
             require(self.payload is not None, self, "payload", "given with a cable")
             require(self.length is not None, self, "length", "a positive number with a cable")
             require_number(self, "length", positive=True)
-            shortest = self.initial_length + min(0.0, math.copysign(self.pay_out.distance, self.pay_out.speed))
+            shortest = self.initial_length + min(
+                0.0, math.copysign(self.pay_out.distance, self.pay_out.speed)
+            )
             require(
                 shortest > self.winch_reach,
                 self,
@@ -181,7 +184,7 @@ class Scenario:
         require(
             len(lags) > 0
             and all(isinstance(lag, int) and lag >= 0 for lag in lags)
-            and all(a < b for a, b in zip(lags, lags[1:], strict=False)),
+            and all(a < b for a, b in pairwise(lags)),
             self,
             "history_lags",
             "increasing whole numbers of control steps, not negative",
@@ -445,11 +448,15 @@ def with_value(scenario: Scenario, path: str, value: Any) -> Scenario:
             known = list(place) if isinstance(place, dict) else []
         if key not in known:
             close = difflib.get_close_matches(key, known, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"known keys here: {', '.join(known) or 'none'}"
+            hint = (
+                f"did you mean {close[0]!r}?" if close else f"known keys here: {', '.join(known) or 'none'}"
+            )
             raise ValueError(f"unknown key {path!r}: there is no {key!r}; {hint}")
         if depth == len(keys) - 1:
             if by_channel:
-                raise ValueError(f"{path!r} names a whole sensor; name one of its values, as {path}.noise_std")
+                raise ValueError(
+                    f"{path!r} names a whole sensor; name one of its values, as {path}.noise_std"
+                )
             place[key] = value
         else:
             place = by_channel[key] if by_channel else place[key]
@@ -558,7 +565,7 @@ def scenario(*tags: str) -> Callable[[Callable[[], Scenario]], Callable[[], Scen
     """Registers a function as the scenario of its own name, described by its docstring."""
 
     def register(build: Callable[[], Scenario]) -> Callable[[], Scenario]:
-        name = build.__name__  # type: ignore[attr-defined]
+        name = build.__name__
 
         def named() -> Scenario:
             description = " ".join((inspect.getdoc(build) or "").split())

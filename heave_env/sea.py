@@ -215,7 +215,9 @@ def read_motion(path: str | Path) -> MotionRecording:
     path = Path(path)
     try:
         with path.open(newline="", encoding="utf-8") as file:
-            numbered = [(i, line) for i, line in enumerate(file, 1) if line.strip() and not line.startswith("#")]
+            numbered = [
+                (i, line) for i, line in enumerate(file, 1) if line.strip() and not line.startswith("#")
+            ]
     except (OSError, UnicodeDecodeError) as error:
         reason = error.strerror if isinstance(error, OSError) else "it is not UTF-8 text"
         raise ValueError(f"cannot read motion file {str(path)!r}: {reason}") from error
@@ -239,8 +241,8 @@ def read_motion(path: str | Path) -> MotionRecording:
                 value = math.nan
             if not math.isfinite(value):
                 raise ValueError(
-                    f"motion file {str(path)!r} line {number}: {column} is {text!r}, which is no number; fill "
-                    "the gap"
+                    f"motion file {str(path)!r} line {number}: {column} is {text!r}, which is no number; "
+                    "fill the gap"
                 )
             values[column].append(value)
     arrays = {column: np.array(items) for column, items in values.items()}

@@ -34,20 +34,20 @@ _LN2 = math.log(2.0)
 
 
 @intrinsic
-def _bits_of(typing_context, number):  # type: ignore[no-untyped-def]
+def _bits_of(typing_context, number):
     """The 64 bits of a float64."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         return builder.bitcast(arguments[0], context.get_value_type(types.uint64))
 
     return types.uint64(types.float64), generate
 
 
 @intrinsic
-def _float_of(typing_context, bits):  # type: ignore[no-untyped-def]
+def _float_of(typing_context, bits):
     """The float64 of 64 bits."""
 
-    def generate(context, builder, signature, arguments):  # type: ignore[no-untyped-def]
+    def generate(context, builder, signature, arguments):
         return builder.bitcast(arguments[0], context.get_value_type(types.float64))
 
     return types.float64(types.uint64), generate

@@ -42,8 +42,9 @@ from heave_env.layout import (
     CABLE_STIFFNESS,
     CABLE_WEIGHT,
     DISPLACEMENT,
-    ELEMENT_OFFSET,
     ELEMENT_STIFFNESS,
+    ELEMENT_TENSION,
+    INCREMENT,
     LENGTH,
     LENGTH_OLD,
     LENGTH_SPEED,
@@ -63,7 +64,6 @@ from heave_env.layout import (
     SUPER,
     TENSION_MAX,
     TENSION_MIN,
-    TRIAL_DISPLACEMENT,
     TRIAL_VELOCITY,
     VELOCITY,
 )
@@ -81,12 +81,13 @@ _PER_MID_SPACING = SCRATCH + 5
 
 @stage
 def _constitutive_pass(S, nodes, n_elements, n_lanes, dt, tension_only, first):
-    """Linearised law of each element: T = stiffness · (Ū_{j+1} - Ū_j) + offset, about the trial state.
+    """Linearised law of each element about the trial state: T = tension + stiffness · (D_{j+1} - D_j).
 
-    T is the mean over the step. A tension-only element stores the energy EA max(e, 0)²/2, and its mean
-    elastic tension is the change of that energy over the change of strain (the discrete gradient), so
-    that going slack and snapping taut neither makes nor loses energy; Kelvin damping acts on the taut
-    part of the strain, and what would still be compression is zero.
+    T is the mean over the step, D the displacement gained to mid-step. A tension-only element stores
+    the energy EA max(e, 0)²/2, and its mean elastic tension is the change of that energy over the
+    change of strain (the discrete gradient), so that going slack and snapping taut neither makes nor
+    loses energy; Kelvin damping acts on the taut part of the strain, and what would still be
+    compression is zero.
     """
     real = S.dtype.type
     beta, per_dt = real(2.0 / dt), real(1.0 / dt)
@@ -97,14 +98,16 @@ def _constitutive_pass(S, nodes, n_elements, n_lanes, dt, tension_only, first):
         for lane in range(n_lanes):
             EA, CA = S[CABLE_STIFFNESS, lane], S[CABLE_DAMPING, lane]
             per_spacing = S[_PER_MID_SPACING, lane]
-            old_elongation = S[below + DISPLACEMENT, lane] - S[here + DISPLACEMENT, lane]
-            old = old_elongation * S[_PER_OLD_SPACING, lane]
+            elongation = S[below + DISPLACEMENT, lane] - S[here + DISPLACEMENT, lane]
+            old = elongation * S[_PER_OLD_SPACING, lane]
+            # The old elongation on the cable's length at mid-step: the strain without any increment.
+            base = elongation * per_spacing
             stiffness = EA + beta * CA
-            offset = -beta * CA * old
+            tension = EA * base + beta * CA * (base - old)
             if tension_only:
-                trial_elongation = S[below + TRIAL_DISPLACEMENT, lane] - S[here + TRIAL_DISPLACEMENT, lane]
-                middle = old if first else trial_elongation * per_spacing
-                new = two * middle - old
+                gained_to_middle = (S[below + INCREMENT, lane] - S[here + INCREMENT, lane]) * per_spacing
+                gained_to_middle = zero if first else gained_to_middle
+                new = two * (base + gained_to_middle) - old
                 taut_new, taut_old = max(new, zero), max(old, zero)
                 crosses = (new > zero) != (old > zero)
                 change = new - old if crosses else one
@@ -114,67 +117,77 @@ def _constitutive_pass(S, nodes, n_elements, n_lanes, dt, tension_only, first):
                 tension = EA * mean + CA * per_dt * (taut_new - taut_old)
                 stiffness = two * EA * slope + (beta * CA if new > zero else zero)
                 stiffness = stiffness if tension > zero else zero
-                offset = (tension if tension > zero else zero) - stiffness * middle
+                tension = (tension if tension > zero else zero) - stiffness * gained_to_middle
             S[here + ELEMENT_STIFFNESS, lane] = stiffness * per_spacing
-            S[here + ELEMENT_OFFSET, lane] = offset
+            S[here + ELEMENT_TENSION, lane] = tension
 
 
 @stage
 def _forward_pass(S, nodes, n_elements, n_lanes, dt, first):
-    """Assembles the momentum balance of each node in the mid-step displacement Ū and eliminates downwards."""
+    """Assembles the momentum balance of each node in the increments D and eliminates downwards.
+
+    Increments, not displacements: the forces that balance at rest then cancel before they are
+    multiplied by M/dt², which is what makes single precision good enough.
+    """
     real = S.dtype.type
     h = 1.0 / n_elements
     beta = real(2.0 / dt)
-    half, two = real(0.5), real(2.0)
+    half, one, two = real(0.5), real(1.0), real(2.0)
     first_difference, second_difference = real(0.5 / h), real(1.0 / (h * h))
     trial = VELOCITY if first else TRIAL_VELOCITY
     for lane in range(n_lanes):
         S[nodes + SUPER, lane] = real(0.0)
-        S[nodes + LOAD, lane] = half * (S[SHEAVE_OLD, lane] + S[SHEAVE_NEW, lane])
+        S[nodes + LOAD, lane] = half * (S[SHEAVE_NEW, lane] - S[SHEAVE_OLD, lane])
     for j in range(1, n_elements):
         here = nodes + N_NODE_FIELDS * j
         above, below = here - N_NODE_FIELDS, here + N_NODE_FIELDS
         g = real(1.0 - j * h)
         for lane in range(n_lanes):
-            V, kappa = S[LENGTH_SPEED, lane], S[_CONVECTION, lane]
+            V, gk = S[LENGTH_SPEED, lane], g * S[_CONVECTION, lane]
             mu, w = S[_NODE_MASS, lane], S[here + trial, lane]
             speed = abs(w)
             drag_slope = two * S[_NODE_DRAG, lane] * speed
-            gk = g * kappa
-            # W̄ = β (Ū - U) + V + gκ Ū_y, and DW/Dt = β (W̄ - W) + gκ ∂W̄/∂y with the compact Ū_yy.
-            gradient = first_difference * (mu * (two * beta * gk - kappa * gk) + drag_slope * gk)
-            curvature = second_difference * mu * gk * gk
+            # W̄ = β D + V + gκ Ū_y, and DW/Dt = β (W̄ - W) + gκ ∂W̄/∂y with the compact Ū_yy.
+            of_gradient = gk * (mu * (two * beta - S[_CONVECTION, lane]) + drag_slope)
+            of_curvature = mu * gk * gk
+            gradient, curvature = first_difference * of_gradient, second_difference * of_curvature
             k_above, k_below = S[above + ELEMENT_STIFFNESS, lane], S[here + ELEMENT_STIFFNESS, lane]
             lower = -k_above - gradient + curvature
             upper = -k_below + gradient + curvature
             diagonal = beta * (mu * beta + drag_slope) + (k_above + k_below) - two * curvature
-            U, W = S[here + DISPLACEMENT, lane], S[here + VELOCITY, lane]
-            slope = first_difference * (S[below + DISPLACEMENT, lane] - S[above + DISPLACEMENT, lane])
+            U_above, U, U_below = (
+                S[above + DISPLACEMENT, lane],
+                S[here + DISPLACEMENT, lane],
+                S[below + DISPLACEMENT, lane],
+            )
+            slope = first_difference * (U_below - U_above)
+            bend = second_difference * ((U_below - U) - (U - U_above))
             load = (
-                (mu * beta + drag_slope) * (beta * U - V)
-                + mu * beta * (W + gk * slope)
+                mu * beta * (S[here + VELOCITY, lane] - V)
+                - drag_slope * V
+                - (of_gradient - mu * beta * gk) * slope
+                - of_curvature * bend
                 + S[_NODE_WEIGHT, lane]
                 + S[_NODE_DRAG, lane] * speed * w
-                + (S[here + ELEMENT_OFFSET, lane] - S[above + ELEMENT_OFFSET, lane])
+                + (S[here + ELEMENT_TENSION, lane] - S[above + ELEMENT_TENSION, lane])
             )
-            pivot = real(1.0) / (diagonal - lower * S[above + SUPER, lane])
+            pivot = one / (diagonal - lower * S[above + SUPER, lane])
             S[here + SUPER, lane] = upper * pivot
             S[here + LOAD, lane] = (load - lower * S[above + LOAD, lane]) * pivot
     here = nodes + N_NODE_FIELDS * n_elements
     above = here - N_NODE_FIELDS
     for lane in range(n_lanes):
+        V = S[LENGTH_SPEED, lane]
         mass = S[PAYLOAD_INERTIA, lane] + half * S[_NODE_MASS, lane]
         drag = S[PAYLOAD_DRAG, lane] + half * S[_NODE_DRAG, lane]
         w = S[here + trial, lane]
         drag_slope = two * drag * abs(w)
         k_above = S[above + ELEMENT_STIFFNESS, lane]
         load = (
-            (mass * beta + drag_slope) * (beta * S[here + DISPLACEMENT, lane] - S[LENGTH_SPEED, lane])
-            + mass * beta * S[here + VELOCITY, lane]
-            + S[PAYLOAD_WEIGHT, lane]
-            + half * S[_NODE_WEIGHT, lane]
+            mass * beta * (S[here + VELOCITY, lane] - V)
+            - drag_slope * V
             + drag * abs(w) * w
-            - S[above + ELEMENT_OFFSET, lane]
+            + (S[PAYLOAD_WEIGHT, lane] + half * S[_NODE_WEIGHT, lane] - S[above + ELEMENT_TENSION, lane])
         )
         diagonal = beta * (mass * beta + drag_slope) + k_above
         S[here + LOAD, lane] = (load + k_above * S[above + LOAD, lane]) / (
@@ -184,34 +197,31 @@ def _forward_pass(S, nodes, n_elements, n_lanes, dt, first):
 
 @stage
 def _backward_pass(S, nodes, n_elements, n_lanes, dt):
-    """Substitutes upwards for the mid-step displacements and the velocities that go with them."""
+    """Substitutes upwards for the increments to mid-step and the velocities that go with them."""
     real = S.dtype.type
     h = 1.0 / n_elements
     beta = real(2.0 / dt)
     first_difference = real(0.5 / h)
     bottom = nodes + N_NODE_FIELDS * n_elements
     for lane in range(n_lanes):
-        middle = S[bottom + LOAD, lane]
-        S[bottom + TRIAL_DISPLACEMENT, lane] = middle
-        S[bottom + TRIAL_VELOCITY, lane] = (
-            beta * (middle - S[bottom + DISPLACEMENT, lane]) + S[LENGTH_SPEED, lane]
-        )
+        increment = S[bottom + LOAD, lane]
+        S[bottom + INCREMENT, lane] = increment
+        S[bottom + TRIAL_VELOCITY, lane] = beta * increment + S[LENGTH_SPEED, lane]
     for j in range(n_elements - 1, -1, -1):
         here = nodes + N_NODE_FIELDS * j
         for lane in range(n_lanes):
-            S[here + TRIAL_DISPLACEMENT, lane] = (
-                S[here + LOAD, lane] - S[here + SUPER, lane] * S[here + N_NODE_FIELDS + TRIAL_DISPLACEMENT, lane]
-            )
+            below = S[here + N_NODE_FIELDS + INCREMENT, lane]
+            S[here + INCREMENT, lane] = S[here + LOAD, lane] - S[here + SUPER, lane] * below
     for j in range(1, n_elements):
         here = nodes + N_NODE_FIELDS * j
         above, below = here - N_NODE_FIELDS, here + N_NODE_FIELDS
         g = real(1.0 - j * h)
         for lane in range(n_lanes):
-            slope = first_difference * (S[below + TRIAL_DISPLACEMENT, lane] - S[above + TRIAL_DISPLACEMENT, lane])
+            old_difference = S[below + DISPLACEMENT, lane] - S[above + DISPLACEMENT, lane]
+            gained_difference = S[below + INCREMENT, lane] - S[above + INCREMENT, lane]
+            slope = first_difference * (old_difference + gained_difference)
             S[here + TRIAL_VELOCITY, lane] = (
-                beta * (S[here + TRIAL_DISPLACEMENT, lane] - S[here + DISPLACEMENT, lane])
-                + S[LENGTH_SPEED, lane]
-                + g * S[_CONVECTION, lane] * slope
+                beta * S[here + INCREMENT, lane] + S[LENGTH_SPEED, lane] + g * S[_CONVECTION, lane] * slope
             )
 
 
@@ -244,7 +254,7 @@ def cable_step(S, nodes, n_elements, n_iterations, n_lanes, dt, tension_only):
     for j in range(1, n_elements + 1):
         here = nodes + N_NODE_FIELDS * j
         for lane in range(n_lanes):
-            S[here + DISPLACEMENT, lane] = two * S[here + TRIAL_DISPLACEMENT, lane] - S[here + DISPLACEMENT, lane]
+            S[here + DISPLACEMENT, lane] += two * S[here + INCREMENT, lane]
             S[here + VELOCITY, lane] = two * S[here + TRIAL_VELOCITY, lane] - S[here + VELOCITY, lane]
 
 
@@ -262,8 +272,8 @@ def cable_tensions(S, nodes, n_elements, n_lanes, tension_only):
         here = nodes + N_NODE_FIELDS * j
         below = here + N_NODE_FIELDS
         for lane in range(n_lanes):
-            elongation = S[below + TRIAL_DISPLACEMENT, lane] - S[here + TRIAL_DISPLACEMENT, lane]
-            tension = S[here + ELEMENT_STIFFNESS, lane] * elongation + S[here + ELEMENT_OFFSET, lane]
+            gained = S[below + INCREMENT, lane] - S[here + INCREMENT, lane]
+            tension = S[here + ELEMENT_TENSION, lane] + S[here + ELEMENT_STIFFNESS, lane] * gained
             tension = max(tension, zero) if tension_only else tension
             S[here + LOAD, lane] = tension
             S[TENSION_MIN, lane] = min(S[TENSION_MIN, lane], tension)
@@ -297,10 +307,10 @@ def hang_still(S, lane, nodes, n_elements, sheave):
         S[here + VELOCITY, lane] = real(0.0)
         from_payload = real(n_elements - j) - half
         tension = S[PAYLOAD_WEIGHT, lane] + S[CABLE_WEIGHT, lane] * L * h * from_payload
-        S[here + TRIAL_DISPLACEMENT, lane] = displacement
+        S[here + INCREMENT, lane] = real(0.0)
         S[here + TRIAL_VELOCITY, lane] = real(0.0)
         S[here + ELEMENT_STIFFNESS, lane] = EA / (L * h)
-        S[here + ELEMENT_OFFSET, lane] = real(0.0)
+        S[here + ELEMENT_TENSION, lane] = tension
         displacement += tension * L * h / EA
 
 
@@ -316,9 +326,9 @@ def fill_parameters(S: Array, cable: Cable, payload: Payload) -> None:
     S[..., PAYLOAD_DRAG, :] = payload.drag_factor
 
 
-def _make_march(fingerprint: int):  # type: ignore[no-untyped-def]
+def _make_march(fingerprint: int):
     @njit(cache=True, error_model="numpy")
-    def march(S, n_elements, n_iterations, dt, tension_only, sheave, length, out):  # type: ignore[no-untyped-def]
+    def march(S, n_elements, n_iterations, dt, tension_only, sheave, length, out):
         """Drives one cable through given sheave displacements and lengths; fills `out` (n_steps + 1, 4)."""
         if fingerprint == 0:
             return
@@ -338,7 +348,7 @@ def _make_march(fingerprint: int):  # type: ignore[no-untyped-def]
             out[k, 3] = S[PAYLOAD_TENSION, 0]
 
     @njit(cache=True, error_model="numpy")
-    def hang(S, n_elements, sheave):  # type: ignore[no-untyped-def]
+    def hang(S, n_elements, sheave):
         """Hangs the cable still below the sheave."""
         if fingerprint != 0:
             hang_still(S, 0, N_FIXED, n_elements, sheave)

@@ -150,7 +150,9 @@ def test_energy_is_kept_without_drag(dragless):
     solver = AxialSolver(cable=cable, payload=payload, length=900.0)
     dt = 0.05
     time = dt * np.arange(6000)
-    motion = solver.simulate(np.where(time < 8.0, 0.5 * np.sin(np.pi * time / 8.0), 0.0), dt).payload_displacement
+    motion = solver.simulate(
+        np.where(time < 8.0, 0.5 * np.sin(np.pi * time / 8.0), 0.0), dt
+    ).payload_displacement
     early, late = motion[(time > 10) & (time < 60)], motion[(time > 250) & (time < 300)]
     assert np.ptp(late) == pytest.approx(np.ptp(early), rel=2e-3)
 
@@ -189,7 +191,10 @@ def berteaux_extremes(n_elements: int, cable: Cable, dt: float) -> tuple[float, 
     time = dt * np.arange(round(160.0 / dt))
     record = solver.simulate(7.0 * FOOT * np.sin(0.5 * np.pi * time), dt)
     steady = time > 100.0
-    position, tension = record.payload_displacement[steady] / FOOT, record.sheave_tension[steady] / POUND_FORCE
+    position, tension = (
+        record.payload_displacement[steady] / FOOT,
+        record.sheave_tension[steady] / POUND_FORCE,
+    )
     return float(position.min()), float(position.max()), float(tension.min()), float(tension.max())
 
 

@@ -158,7 +158,9 @@ def write(path, text: str):
 
 def recorded(path) -> Scenario:
     scenario = load("thesis_cable")
-    return dataclasses.replace(scenario, sea_state=SeaState(kind="recorded", recording=str(path)), duration=10.0)
+    return dataclasses.replace(
+        scenario, sea_state=SeaState(kind="recorded", recording=str(path)), duration=10.0
+    )
 
 
 def test_recorded_motion_is_replayed_through_its_samples(tmp_path):

@@ -1,0 +1,151 @@
+"""Scenarios: to and from YAML without loss, and one sentence for every mistake."""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+import yaml
+from hypothesis import given
+from hypothesis import strategies as st
+
+from heave_env import scenarios
+from heave_env.parameters import Cable, Payload, SeaState, Winch
+from heave_env.scenarios import Scenario, from_mapping, load, names, read, to_mapping, to_yaml, with_value
+
+
+@pytest.mark.parametrize("name", names())
+def test_yaml_comes_back_unchanged(tmp_path, name):
+    scenario = load(name)
+    path = tmp_path / "mine.yaml"
+    path.write_text(to_yaml(scenario), encoding="utf-8")
+    assert read(path) == scenario
+    assert load(str(path)).fingerprint == scenario.fingerprint
+
+
+@pytest.mark.parametrize("name", names())
+def test_every_named_scenario_is_described_and_tagged(name):
+    scenario = load(name)
+    assert scenario.name == name and len(scenario.description) > 40 and scenario.tags
+    assert name in names(scenario.tags[0])
+
+
+@given(st.floats(1e-3, 1e6), st.floats(1e-9, 1e9))
+def test_numbers_survive_yaml_to_the_last_bit(time_constant, command_weight):
+    scenario = with_value(load("thesis_linear"), "winch.time_constant", time_constant)
+    scenario = with_value(scenario, "task.command_weight", command_weight)
+    assert from_mapping(yaml.safe_load(to_yaml(scenario))) == scenario
+
+
+def test_fingerprint_sees_numbers_and_not_names():
+    scenario = load("thesis_linear")
+    assert dataclasses.replace(scenario, name="other", description="").fingerprint == scenario.fingerprint
+    assert with_value(scenario, "winch.time_constant", 1.1).fingerprint != scenario.fingerprint
+
+
+def test_every_yaml_key_is_explained():
+    text = to_yaml(load("sea_state_5"))
+    for key in ("mass_per_length", "time_constant", "significant_wave_height", "information_set"):
+        line = text.splitlines().index(
+            next(row for row in text.splitlines() if row.strip().startswith(key + ":"))
+        )
+        assert text.splitlines()[line - 1].strip().startswith("#")
+
+
+@pytest.mark.parametrize("name", [name for name in names() if load(name).is_linear])
+def test_command_range_is_ample_in_linear_scenarios(name):
+    # At least 8 standard deviations of the optimal command: what holds the payload still moves the sheave
+    # against the boom tip, u = -x0 and u0 = u + u'/K.
+    from heave_env.vessel import boom_tip_lines
+
+    scenario = load(name)
+    omega, variance = boom_tip_lines(scenario.sea_state, scenario.vessel)
+    lag = 1.0 + (omega * scenario.winch.time_constant) ** 2
+    needed = math.sqrt(float(np.sum(variance * lag)))
+    assert scenario.winch.command_range >= 8.0 * needed
+
+
+@pytest.mark.parametrize(
+    ("path", "value", "complaint"),
+    [
+        ("payload.mass", -1.0, r"Payload\.mass must be a positive number, got -1\.0"),
+        ("cable.axial_stiffness", math.nan, r"Cable\.axial_stiffness must be a positive number, got nan"),
+        ("winch.time_constnt", 1.0, "did you mean 'time_constant'"),
+        ("winch.speed_limit", 0.0, r"Winch\.speed_limit must be a positive number or null"),
+        ("winch.command_delay", 0.12, "whole number of steps of 0.05 s"),
+        ("duration", 0.05, "whole number of steps of 0.1 s"),
+        ("sea_state.kind", "stormy", r"SeaState\.kind must be one of shaping_filter"),
+        ("sea_state.kind", "recorded", "recording must be the path of a motion file"),
+        ("information_set", "oracle", "must be one of full_state, sensors, sensors_history"),
+        ("sensors.payload_depth.delay", 0.1, "there is no 'payload_depth'"),
+        ("sensors.payload_heave", 0.1, "names a whole sensor"),
+        ("sensors.payload_heave.delay", 0.13, "whole number of control steps"),
+        ("linear_payload", {"inertia": 1.0, "damping": 0.1}, "given exactly when the other"),
+        ("linear_payload.inertia", 1.0, "'linear_payload' is null in scenario"),
+        ("length", 1.0, "longer than what recovery and the winch's reach"),
+        ("history_lags", [3, 1], "increasing whole numbers"),
+        ("n_elements", 2.5, "an integer of at least 1"),
+        ("task.landing_depth", -3.0, "must be a positive number or null"),
+        ("name", "my case", "letters, digits and underscores"),
+    ],
+)
+def test_wrong_values_are_refused_in_a_sentence(path, value, complaint):
+    with pytest.raises(ValueError, match=complaint) as caught:
+        with_value(load("sea_state_5"), path, value)
+    assert "\n" not in str(caught.value)
+
+
+def test_unknown_and_missing_keys_are_named():
+    mapping = to_mapping(load("sea_state_5"))
+    mapping["winch"]["power"] = 3.0
+    with pytest.raises(ValueError, match=r"unknown key 'winch\.power'; known keys: time_constant"):
+        from_mapping(mapping)
+    del mapping["winch"]["power"], mapping["cable"]["diameter"]
+    with pytest.raises(ValueError, match=r"missing key 'cable\.diameter'"):
+        from_mapping(mapping)
+
+
+def test_recording_and_vessel_contradict_each_other():
+    scenario = load("sea_state_5")
+    with pytest.raises(ValueError, match="vessel must be null when sea_state.kind is recorded"):
+        dataclasses.replace(scenario, sea_state=SeaState(kind="recorded", recording="motion.csv"))
+
+
+@pytest.mark.parametrize(
+    ("text", "complaint"),
+    [("a: [", "is not valid YAML"), ("- 1\n", "must be a mapping"), ("", "must be a mapping")],
+)
+def test_files_that_are_no_scenario_are_refused(tmp_path, text, complaint):
+    path = tmp_path / "mine.yaml"
+    path.write_text(text)
+    with pytest.raises(ValueError, match=complaint):
+        load(path)
+
+
+def test_missing_file_is_named():
+    with pytest.raises(ValueError, match=r"cannot read scenario file 'nowhere\.yaml'"):
+        load("nowhere.yaml")
+
+
+def test_recording_is_looked_up_beside_the_yaml(tmp_path):
+    scenario = dataclasses.replace(
+        load("thesis_cable"), sea_state=SeaState(kind="recorded", recording="motion.csv")
+    )
+    path = tmp_path / "mine.yaml"
+    path.write_text(to_yaml(scenario))
+    assert read(path).sea_state.recording == str(tmp_path / "motion.csv")
+
+
+@pytest.mark.parametrize("kind", [Cable, Payload, Winch, Scenario])
+def test_every_field_has_a_docstring(kind):
+    documented = scenarios.field_docs(kind)
+    undocumented = [
+        item.name
+        for item in dataclasses.fields(kind)
+        if item.name not in documented
+        and item.name
+        not in ("sea_state", "vessel", "winch", "cable", "payload", "linear_payload", "pay_out", "task")
+    ]
+    assert undocumented == []
