@@ -1,0 +1,160 @@
+"""Stable-Baselines3 policies whose action mean is a network plus a linear map of the observation.
+
+Active heave compensation is nearly linear, so that a linear skip from observation to action holds most
+of the answer and the network only the rest. Observations are whitened inside the policy by a frozen
+matrix, which is saved with it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, MlpExtractor
+from stable_baselines3.sac.policies import Actor as SacActor
+from stable_baselines3.sac.policies import SACPolicy
+from stable_baselines3.td3.policies import Actor as Td3Actor
+from stable_baselines3.td3.policies import TD3Policy
+from torch import nn
+
+from agents.policy import Architecture, TrainedPolicy
+
+ACTIVATIONS: dict[str, type[nn.Module]] = {"tanh": nn.Tanh, "relu": nn.ReLU}
+"""Activations that a saved policy can name."""
+
+
+class WhitenedFeatures(BaseFeaturesExtractor):
+    """Observation times a frozen matrix, cut off at a bound.
+
+    The bound keeps a row that has run wild from ruling the gradient: whitened components are of unit
+    size under good control, and hundreds without it.
+    """
+
+    def __init__(self, observation_space: Any, transform: np.ndarray, bound: float) -> None:
+        super().__init__(observation_space, len(transform))
+        self.bound = bound
+        self.transform: torch.Tensor
+        self.register_buffer("transform", torch.as_tensor(transform, dtype=torch.float32))
+
+    def forward(self, observations: torch.Tensor) -> torch.Tensor:
+        return torch.clamp(observations @ self.transform.T, -self.bound, self.bound)
+
+
+class Skip(nn.Module):
+    """The layers' output with their input behind it, so that a linear layer on top sees both."""
+
+    def __init__(self, layers: nn.Module) -> None:
+        super().__init__()
+        self.layers = layers
+
+    def forward(self, features: torch.Tensor) -> torch.Tensor:
+        return torch.cat([self.layers(features), features], dim=-1)
+
+
+class SkipExtractor(MlpExtractor):
+    """Separate networks of actor and critic; the actor's latent holds its features too."""
+
+    def __init__(self, feature_dim: int, *args: Any, **kwargs: Any) -> None:
+        super().__init__(feature_dim, *args, **kwargs)
+        self.latent_dim_pi += feature_dim
+
+    def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
+        return torch.cat([self.policy_net(features), features], dim=-1)
+
+
+class SkipActorCriticPolicy(ActorCriticPolicy):
+    """PPO's policy with the linear skip."""
+
+    def _build_mlp_extractor(self) -> None:
+        self.mlp_extractor = SkipExtractor(
+            self.features_dim, net_arch=self.net_arch, activation_fn=self.activation_fn, device=self.device
+        )
+
+
+def _width(layers: list[int]) -> int:
+    """Width of the last hidden layer, which the skip stands beside."""
+    return layers[-1]
+
+
+def _n_actions(space: Any) -> int:
+    return int(space.shape[0])
+
+
+class SkipSacActor(SacActor):
+    """SAC's actor with the linear skip."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        self.latent_pi = Skip(self.latent_pi)  # type: ignore[assignment]
+        wide, n_actions = _width(self.net_arch) + self.features_dim, _n_actions(self.action_space)
+        self.mu = nn.Linear(wide, n_actions)
+        self.log_std = nn.Linear(wide, n_actions)  # type: ignore[assignment]
+
+
+class SkipSacPolicy(SACPolicy):
+    """SAC's policy with the linear skip."""
+
+    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> SacActor:
+        kwargs = self._update_features_extractor(self.actor_kwargs, features_extractor)
+        return SkipSacActor(**kwargs).to(self.device)
+
+
+class SkipTd3Actor(Td3Actor):
+    """TD3's actor with the linear skip."""
+
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        *hidden, _, squash = self.mu
+        wide = nn.Linear(_width(self.net_arch) + self.features_dim, _n_actions(self.action_space))
+        self.mu = nn.Sequential(Skip(nn.Sequential(*hidden)), wide, squash)
+
+
+class SkipTd3Policy(TD3Policy):
+    """TD3's policy with the linear skip."""
+
+    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> Td3Actor:
+        kwargs = self._update_features_extractor(self.actor_kwargs, features_extractor)
+        return SkipTd3Actor(**kwargs).to(self.device)
+
+
+# What a saved policy holds -----------------------------------------------------------------------
+
+_PARTS: dict[type[BaseAlgorithm], tuple[str, str, str]] = {
+    PPO: ("mlp_extractor.policy_net", "action_net", "clip"),
+    SAC: ("actor.latent_pi.layers", "actor.mu", "tanh"),
+    TD3: ("actor.mu.0.layers", "actor.mu.1", "tanh"),
+}
+"""Of each algorithm: its actor's hidden layers and output layer, and how the output becomes an action."""
+
+
+def exported(model: BaseAlgorithm, card: Mapping[str, Any]) -> TrainedPolicy:
+    """The deterministic actor of an algorithm with one of this module's policies, for plain NumPy.
+
+    Args:
+        model: The algorithm.
+        card: What is known of the policy; see `agents.policy.policy_card`.
+    """
+    layers_name, output_name, output = _PARTS[type(model)]
+    policy: Any = model.policy
+    hidden: Any = policy.get_submodule(layers_name)
+    layers = [layer for layer in hidden if isinstance(layer, nn.Linear)]
+    activations = {name for layer in hidden for name, kind in ACTIVATIONS.items() if isinstance(layer, kind)}
+    features = policy.features_extractor if type(model) is PPO else policy.actor.features_extractor
+    last = policy.get_submodule(output_name)
+    tensors = {"features.weight": features.transform, "output.weight": last.weight, "output.bias": last.bias}
+    for i, layer in enumerate(layers):
+        tensors |= {f"hidden.{i}.weight": layer.weight, f"hidden.{i}.bias": layer.bias}
+    architecture = Architecture(
+        n_observations=int(features.transform.shape[1]),
+        feature_bound=float(features.bound),
+        hidden=tuple(layer.out_features for layer in layers),
+        activation=activations.pop(),
+        output=output,
+    )
+    weights = {name: tensor.detach().cpu().numpy().copy() for name, tensor in tensors.items()}
+    return TrainedPolicy(architecture, weights, card)

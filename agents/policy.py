@@ -1,0 +1,334 @@
+"""A trained policy on disk, and as a controller through plain NumPy.
+
+A saved policy is two files: weights in safetensors and a JSON that says what they are (architecture,
+observation, scenario, training). The JSON holds the hash of the weights' file, and that file's own
+header the hash of the JSON's content, so that neither can be changed alone. Loading executes no code and
+does not need torch.
+"""
+
+from __future__ import annotations
+
+import copy
+import dataclasses
+import hashlib
+import json
+import os
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from safetensors import SafetensorError
+from safetensors.numpy import load as load_tensors
+from safetensors.numpy import save as save_tensors
+
+from heave_env.scenarios import Scenario, from_mapping, to_mapping
+
+POLICY_FORMAT = "heave_env policy 1"
+"""What a policy's JSON says it is."""
+POLICY_FILE = "policy.json"
+"""The JSON's name in a run folder; the weights lie beside it under the same stem."""
+
+ACTIVATIONS: dict[str, Callable[[Any], Any]] = {
+    "tanh": np.tanh,
+    "relu": lambda x: np.maximum(x, np.float32(0.0)),
+}
+"""Activations between the layers, by name."""
+OUTPUTS: dict[str, Callable[[Any], Any]] = {"clip": lambda x: np.clip(x, -1.0, 1.0), "tanh": np.tanh}
+"""How the last layer becomes an action, by name."""
+
+
+def write_atomic(path: Path, content: bytes) -> None:
+    """Writes a file whole or not at all: to a temporary one, flushed to disk, then renamed."""
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        with temporary.open("wb") as file:
+            file.write(content)
+            file.flush()
+            os.fsync(file.fileno())
+        os.replace(temporary, path)
+    finally:
+        temporary.unlink(missing_ok=True)
+
+
+def sha256(content: bytes) -> str:
+    """Hash of a file's content, hexadecimal."""
+    return hashlib.sha256(content).hexdigest()
+
+
+def canonical(content: Mapping[str, Any]) -> bytes:
+    """JSON in one spelling, for hashing."""
+    return json.dumps(content, sort_keys=True, separators=(",", ":"), allow_nan=False).encode()
+
+
+@dataclass(frozen=True)
+class Architecture:
+    """Layers of a saved policy.
+
+    Features are a matrix times the observation, cut off at a bound; hidden layers follow; the linear layer
+    at the end sees the last hidden layer and the features beside it.
+    """
+
+    n_observations: int
+    """Entries of the observation [-]."""
+    feature_bound: float
+    """Features are cut off at ± this [-]."""
+    hidden: tuple[int, ...]
+    """Widths of the hidden layers [-]."""
+    activation: str
+    """One of `ACTIVATIONS`."""
+    output: str
+    """One of `OUTPUTS`."""
+
+    def __post_init__(self) -> None:
+        if not self.hidden or not self.feature_bound > 0.0:
+            raise ValueError("Architecture wants at least one hidden layer and a positive feature_bound")
+        for name, known in (("activation", ACTIVATIONS), ("output", OUTPUTS)):
+            if getattr(self, name) not in known:
+                raise ValueError(
+                    f"Architecture.{name} must be one of {', '.join(known)}, got {getattr(self, name)!r}"
+                )
+
+    @property
+    def shapes(self) -> dict[str, tuple[int, ...]]:
+        """The weights by name, with their shapes."""
+        n = width = self.n_observations
+        shapes: dict[str, tuple[int, ...]] = {"features.weight": (n, n)}
+        for i, size in enumerate(self.hidden):
+            shapes[f"hidden.{i}.weight"], shapes[f"hidden.{i}.bias"] = (size, width), (size,)
+            width = size
+        shapes["output.weight"], shapes["output.bias"] = (1, width + n), (1,)
+        return shapes
+
+
+class TrainedPolicy:
+    """A trained agent as a `Controller`: deterministic, without memory, in float32."""
+
+    def __init__(
+        self, architecture: Architecture, weights: Mapping[str, np.ndarray], card: Mapping[str, Any]
+    ) -> None:
+        """Takes the layers and what is known of them.
+
+        Args:
+            architecture: Sizes and kinds of the layers.
+            weights: Arrays by the names and in the shapes of `architecture.shapes`.
+            card: The rest of the policy's JSON: algorithm, scenario, observation names, training.
+
+        Raises:
+            ValueError: If a weight is missing, unknown, misshapen or not finite.
+        """
+        shapes = architecture.shapes
+        if set(weights) != set(shapes):
+            odd = sorted(set(weights) ^ set(shapes))
+            raise ValueError(f"the policy's weights do not fit its architecture: {', '.join(odd)}")
+        for name, shape in shapes.items():
+            if weights[name].shape != shape:
+                raise ValueError(
+                    f"the policy's weight {name} must have shape {shape}, got {weights[name].shape}"
+                )
+            if not np.all(np.isfinite(weights[name])):
+                raise ValueError(
+                    f"the policy's weight {name} holds numbers that are not finite; train it again"
+                )
+        self.architecture = architecture
+        self.weights = {name: np.asarray(weights[name], dtype=np.float32) for name in shapes}
+        self.card = dict(card)
+        self.scenario: Scenario = from_mapping(self.card["scenario"])
+        """The scenario it was trained in, with the information set it sees."""
+        self.name: str = str(self.card["algorithm"])
+        self.information_set: str = self.scenario.information_set
+        self.measures: tuple[str, ...] = tuple(sensor.channel for sensor in self.scenario.observed_sensors)
+        n = architecture.n_observations
+        self._gain, self._shift = np.ones(n, dtype=np.float32), np.zeros(n, dtype=np.float32)
+        self._action_gain = np.float32(1.0)
+
+    def predict(
+        self,
+        observation: np.ndarray,
+        state: Any | None = None,
+        episode_start: np.ndarray | None = None,
+        deterministic: bool = True,
+    ) -> tuple[np.ndarray, Any | None]:
+        """Returns actions in [-1, 1], shape `(n_envs, 1)`, or `(1,)` for one observation; no memory.
+
+        Raises:
+            ValueError: If the observation has another number of entries than the policy was trained on.
+        """
+        x = np.asarray(observation, dtype=np.float32)
+        n = self.architecture.n_observations
+        if x.ndim not in (1, 2) or x.shape[-1] != n:
+            raise ValueError(
+                f"this policy wants {n} observations per row ({self.information_set}), got shape {x.shape}: "
+                f"build the environment with information_set={self.information_set!r}"
+            )
+        x = x * self._gain + self._shift
+        activation = ACTIVATIONS[self.architecture.activation]
+        bound = np.float32(self.architecture.feature_bound)
+        features = latent = np.clip(x @ self.weights["features.weight"].T, -bound, bound)
+        for i in range(len(self.architecture.hidden)):
+            latent = activation(
+                latent @ self.weights[f"hidden.{i}.weight"].T + self.weights[f"hidden.{i}.bias"]
+            )
+        latent = np.concatenate([latent, features], axis=-1)
+        mean = latent @ self.weights["output.weight"].T + self.weights["output.bias"]
+        action = OUTPUTS[self.architecture.output](mean) * self._action_gain
+        return np.clip(action, -1.0, 1.0).astype(np.float32), None
+
+    def acting_in(self, scenario: Scenario) -> TrainedPolicy:
+        """The policy reading another scenario's observations and commanding its winch, in SI the same.
+
+        Sensors' scales and offsets and the command range may differ between scenarios; the layout of the
+        observation may not.
+
+        Raises:
+            ValueError: If the observations are laid out otherwise.
+        """
+        seen, own = seen_by(self, scenario), self.scenario
+        if seen.observation_names != own.observation_names:
+            raise ValueError(
+                f"a policy trained in scenario {own.name!r} cannot act in {scenario.name!r}: "
+                "other things are observed there"
+            )
+        adapted = copy.copy(self)
+        ratio = seen.winch.command_range / own.winch.command_range
+        gain, shift = [], []
+        for there, here in zip(seen.observed_sensors, own.observed_sensors, strict=True):
+            there_scale, here_scale = float(there.scale or 1.0), float(here.scale or 1.0)
+            gain.append(there_scale / here_scale)
+            shift.append((there.offset - here.offset) / here_scale)
+        n_lags, n_filter, n_pending = len(own.observed_lags), own.observed_filter_states, own.n_pending
+        adapted._gain = np.array(gain * n_lags + [1.0] * n_filter + [ratio] * n_pending, dtype=np.float32)
+        adapted._shift = np.array(shift * n_lags + [0.0] * (n_filter + n_pending), dtype=np.float32)
+        adapted._action_gain = np.float32(1.0 / ratio)
+        return adapted
+
+
+def save_policy(path: Path, policy: TrainedPolicy) -> None:
+    """Writes a policy's JSON to `path` and its weights beside it, each whole or not at all.
+
+    Args:
+        path: The JSON's path, as `run/policy.json`.
+        policy: What to write.
+    """
+    weights_file = path.with_suffix(".safetensors")
+    content = {
+        "format": POLICY_FORMAT,
+        **policy.card,
+        "architecture": dataclasses.asdict(policy.architecture),
+        "weights": weights_file.name,
+    }
+    content = json.loads(canonical(content))
+    tensors = {name: np.ascontiguousarray(value) for name, value in policy.weights.items()}
+    packed = save_tensors(tensors, metadata={"content_sha256": sha256(canonical(content))})
+    content["weights_sha256"] = sha256(packed)
+    write_atomic(weights_file, packed)
+    write_atomic(path, (json.dumps(content, indent=1) + "\n").encode())
+
+
+def load_policy(
+    path: str | Path, scenario: Scenario | None = None, *, allow_other_scenario: bool = False
+) -> TrainedPolicy:
+    """Loads a saved policy as a controller, without executing code and without torch.
+
+    Args:
+        path: A run folder, or a policy's JSON or safetensors file.
+        scenario: The scenario it is to act in; None to take the one it was trained in.
+        allow_other_scenario: Whether another scenario will do if its observations are laid out alike.
+
+    Returns:
+        The policy; `information_set` says what the environment must show it.
+
+    Raises:
+        ValueError: If files are missing, cut short or changed, or the policy belongs to another scenario.
+    """
+    path = Path(path)
+    path = path / POLICY_FILE if path.is_dir() else path.with_suffix(".json")
+    content = _read_content(path)
+    weights = _read_weights(path, content)
+    try:
+        layers = dict(content["architecture"])
+        architecture = Architecture(**{**layers, "hidden": tuple(layers["hidden"])})
+        outer = ("format", "architecture", "weights", "weights_sha256")
+        policy = TrainedPolicy(
+            architecture, weights, {key: value for key, value in content.items() if key not in outer}
+        )
+    except (KeyError, TypeError) as error:
+        raise ValueError(
+            f"policy {str(path)!r} lacks or misnames {error}; it is of another format"
+        ) from error
+    if scenario is None or seen_by(policy, scenario).fingerprint == policy.scenario.fingerprint:
+        return policy
+    if not allow_other_scenario:
+        raise ValueError(
+            f"policy {str(path)!r} was trained in scenario {policy.scenario.name!r} (fingerprint "
+            f"{policy.scenario.fingerprint}), not in this {scenario.name!r} (fingerprint "
+            f"{seen_by(policy, scenario).fingerprint}): train one for it, or allow another scenario"
+        )
+    return policy.acting_in(scenario)
+
+
+def seen_by(policy: TrainedPolicy, scenario: Scenario) -> Scenario:
+    """A scenario with the information set and history lags that a policy sees."""
+    return dataclasses.replace(
+        scenario,
+        information_set=policy.scenario.information_set,
+        history_lags=policy.scenario.history_lags,
+    )
+
+
+def _read_content(path: Path) -> dict[str, Any]:
+    try:
+        content = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(
+            f"there is no trained policy at {str(path)!r}: name a run folder that `heave train` has written"
+        ) from error
+    except ValueError as error:
+        raise ValueError(
+            f"policy {str(path)!r} is cut short or damaged: {error}; restore or retrain it"
+        ) from error
+    if not isinstance(content, dict) or content.get("format") != POLICY_FORMAT:
+        raise ValueError(f"{str(path)!r} is not a policy of the format {POLICY_FORMAT!r}; train it again")
+    return content
+
+
+def _read_weights(path: Path, content: dict[str, Any]) -> dict[str, np.ndarray]:
+    name = content.get("weights")
+    if not isinstance(name, str) or Path(name).name != name:
+        raise ValueError(f"policy {str(path)!r} must name a weights file beside it, got {name!r}")
+    weights_file = path.with_name(name)
+    try:
+        packed = weights_file.read_bytes()
+    except OSError as error:
+        raise ValueError(
+            f"policy {str(path)!r} lacks its weights file {name!r}; restore or retrain it"
+        ) from error
+    if sha256(packed) != content.get("weights_sha256"):
+        raise ValueError(
+            f"weights {str(weights_file)!r} do not have the hash that {path.name} states: they are cut short "
+            "or changed; restore or retrain them"
+        )
+    try:
+        weights = load_tensors(packed)
+    except SafetensorError as error:
+        raise ValueError(f"weights {str(weights_file)!r} are no safetensors file: {error}") from error
+    header_size = int.from_bytes(packed[:8], "little")
+    header = json.loads(packed[8 : 8 + header_size])
+    stated = header.get("__metadata__", {}).get("content_sha256")
+    bare = {key: value for key, value in content.items() if key != "weights_sha256"}
+    if stated != sha256(canonical(bare)):
+        raise ValueError(f"policy {str(path)!r} was changed after training; restore or retrain it")
+    return weights
+
+
+def policy_card(scenario: Scenario, **facts: Any) -> dict[str, Any]:
+    """What a policy's JSON says beside the layers: scenario, observation, and the facts given."""
+    return {
+        **facts,
+        "scenario_name": scenario.name,
+        "fingerprint": scenario.fingerprint,
+        "information_set": scenario.information_set,
+        "observation_names": list(scenario.observation_names),
+        "scenario": to_mapping(scenario),
+    }

@@ -1,0 +1,170 @@
+"""Presets: the settings of a training, read from plain YAML files, one per algorithm.
+
+A file holds `default`, and under `scenarios` what differs in a named scenario. A user's own file or
+mapping goes on top. Unknown keys are refused.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import difflib
+import math
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+from heave_env.parameters import require, require_integer, require_number
+from heave_env.scenarios import Scenario
+from heave_env.sensors import INFORMATION_SETS
+
+ALGORITHMS = ("ppo", "sac", "td3")
+"""Algorithms that have presets."""
+PRESET_FOLDER = Path(__file__).parent / "presets"
+"""Where the presets lie, a YAML file per algorithm."""
+
+
+@dataclass(frozen=True, kw_only=True)
+class Preset:
+    """Settings of one training."""
+
+    algorithm: str
+    """One of `ALGORITHMS`."""
+    total_steps: int
+    """Environment steps of the whole training [-]."""
+    n_envs: int
+    """Environments in the batch [-]."""
+    information_set: str | None = None
+    """What the agent sees; null: what the scenario says."""
+    history_lags: tuple[int, ...] | None = None
+    """Ages of the samples in `sensors_history` [control steps]; null: what the scenario says."""
+    reference: str | None = None
+    """Designed controller under which the observations' covariance is gathered that whitens the agent's
+    input; null: random commands on the locked winch."""
+    feature_bound: float = 15.0
+    """Whitened components are cut off at ± this [-]."""
+    hidden: tuple[int, ...]
+    """Widths of the actor's hidden layers [-]."""
+    critic_hidden: tuple[int, ...]
+    """Widths of the critic's hidden layers [-]."""
+    activation: str = "tanh"
+    """Between the layers: `tanh` or `relu`."""
+    learning_rate: float
+    """At the beginning [-]."""
+    final_learning_rate: float = 0.0
+    """At the end, reached linearly [-]."""
+    gamma: float
+    """Discount per control step [-]."""
+    reward_horizon: float = 500.0
+    """Steps of the batch over which the reward's running mean and scale forget [-]."""
+    reward_bound: float = 2.0
+    """Scaled rewards are cut off at ± this [-]."""
+    mean_life: float = 2560.0
+    """Control steps that a row stays in one sea on average before it is given a new one [-]."""
+    evaluate_every: int = 500_000
+    """Environment steps between evaluations on validation seas [-]."""
+    evaluation_seas: int = 32
+    """Validation seas [-]."""
+    evaluation_duration: float = 200.0
+    """Length of an evaluation's episodes, at most the scenario's own [s]."""
+    checkpoint_every: int = 1_000_000
+    """Environment steps between the policies kept in `checkpoints/` [-]."""
+    log_every: int = 65_536
+    """Environment steps between rows of `progress.csv` and TensorBoard [-]."""
+    options: Mapping[str, Any] = dataclasses.field(default_factory=dict)
+    """Handed to Stable-Baselines3's algorithm as they are."""
+
+    def __post_init__(self) -> None:
+        require(self.algorithm in ALGORITHMS, self, "algorithm", f"one of {', '.join(ALGORITHMS)}")
+        require(self.activation in ("tanh", "relu"), self, "activation", "tanh or relu")
+        known = (None, *INFORMATION_SETS)
+        require(
+            self.information_set in known, self, "information_set", f"one of {', '.join(INFORMATION_SETS)}"
+        )
+        counts = (
+            "total_steps",
+            "n_envs",
+            "evaluate_every",
+            "evaluation_seas",
+            "checkpoint_every",
+            "log_every",
+        )
+        for field in counts:
+            require_integer(self, field, minimum=1)
+        for field in (
+            "learning_rate",
+            "feature_bound",
+            "reward_horizon",
+            "reward_bound",
+            "mean_life",
+            "evaluation_duration",
+        ):
+            require_number(self, field, positive=True)
+        require_number(self, "final_learning_rate", non_negative=True)
+        require_number(self, "gamma", positive=True)
+        require(self.gamma < 1.0 or math.isclose(self.gamma, 1.0), self, "gamma", "at most 1")
+        for field in ("hidden", "critic_hidden"):
+            widths = getattr(self, field)
+            ok = isinstance(widths, tuple) and all(isinstance(n, int) and n > 0 for n in widths)
+            require(ok and len(widths) > 0, self, field, "a list of positive whole numbers")
+
+    def to_mapping(self) -> dict[str, Any]:
+        """The preset as plain JSON values."""
+        mapping = dataclasses.asdict(self)
+        return {key: list(value) if isinstance(value, tuple) else value for key, value in mapping.items()}
+
+
+def load_preset(
+    algorithm: str, scenario: Scenario, overrides: Mapping[str, Any] | str | Path | None = None
+) -> Preset:
+    """The preset of an algorithm in a scenario, with a user's own settings on top.
+
+    Args:
+        algorithm: One of `ALGORITHMS`.
+        scenario: The scenario to train in; its name selects what differs from the default.
+        overrides: Settings by key, or a YAML file of them; `options` are merged key by key.
+
+    Raises:
+        ValueError: If the algorithm, a key or a value is unknown or impossible.
+    """
+    if algorithm not in ALGORITHMS:
+        raise ValueError(f"algorithm must be one of {', '.join(ALGORITHMS)}, got {algorithm!r}")
+    content = _read(PRESET_FOLDER / f"{algorithm}.yaml")
+    layers = [content["default"], content.get("scenarios", {}).get(scenario.name, {})]
+    if isinstance(overrides, (str, Path)):
+        layers.append(_read(Path(overrides)))
+    elif overrides is not None:
+        layers.append(dict(overrides))
+    known = {field.name for field in dataclasses.fields(Preset)} - {"algorithm"}
+    settings: dict[str, Any] = {}
+    options: dict[str, Any] = {}
+    for layer in layers:
+        for key, value in layer.items():
+            if key not in known:
+                close = difflib.get_close_matches(str(key), known, n=1)
+                hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(sorted(known))}"
+                raise ValueError(f"unknown preset key {key!r}; {hint}")
+            if key == "options":
+                if not isinstance(value, Mapping):
+                    raise ValueError(f"preset key 'options' must be a mapping, got {value!r}")
+                options |= value
+            else:
+                settings[key] = tuple(value) if isinstance(value, list) else value
+    try:
+        return Preset(algorithm=algorithm, options=options, **settings)
+    except TypeError as error:
+        raise ValueError(f"the preset of {algorithm} is incomplete: {error}") from error
+
+
+def _read(path: Path) -> dict[str, Any]:
+    import yaml
+
+    try:
+        content = yaml.safe_load(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ValueError(f"cannot read preset file {str(path)!r}: {error.strerror}") from error
+    except (yaml.YAMLError, UnicodeDecodeError) as error:
+        raise ValueError(f"{str(path)!r} is not valid YAML: {' '.join(str(error).split())}") from error
+    if not isinstance(content, dict):
+        raise ValueError(f"preset file {str(path)!r} must hold keys and values, got {type(content).__name__}")
+    return content

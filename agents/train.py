@@ -1,0 +1,760 @@
+"""Training: scenario and preset in, run folder out; goes on where it was interrupted.
+
+Stable-Baselines3 does the learning. What the task needs beyond it comes through its own extension
+points: policies with a linear skip (`agents.networks`), a reward wrapper (`agents.vec_env`) and one
+callback, which acts only between rollouts: it evaluates, keeps the best policy, saves the state and
+gives some rows a new sea. Nothing in it draws from the random streams that the algorithm uses.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import csv
+import dataclasses
+import io
+import json
+import logging
+import math
+import signal
+import subprocess
+import threading
+import time
+from collections.abc import Iterator, Mapping
+from datetime import UTC, datetime
+from importlib import metadata
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from gymnasium.vector import AutoresetMode
+from stable_baselines3 import PPO, SAC, TD3
+from stable_baselines3.common.base_class import BaseAlgorithm
+from stable_baselines3.common.callbacks import BaseCallback
+from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
+from stable_baselines3.common.noise import NormalActionNoise
+
+from agents import checkpoint, networks
+from agents.policy import TrainedPolicy, policy_card, save_policy, write_atomic
+from agents.presets import Preset, load_preset
+from agents.vec_env import HeaveVecEnv, ScaledReward
+from heave_env import scenarios
+from heave_env.controller import Controller
+from heave_env.env import HeaveVectorEnv
+from heave_env.scenarios import Scenario
+
+TRAINING_SEEDS = 10_000_000
+"""Training seas have seeds below this."""
+FIRST_VALIDATION_SEED = 10_000_000
+"""Validation seas have seeds from here."""
+RUN_FILE = "run.json"
+"""What describes a run, in its folder."""
+STATE_FOLDER = "resume"
+"""Where the state to go on from lies while a training is not finished."""
+
+_SAVE_SHARE = 0.05  # of the wall time may go into saving the state
+_LOG = logging.getLogger(__name__)
+
+
+class TrainingFailure(ValueError):
+    """A training that cannot go on; its message says why and what to do."""
+
+
+def train(
+    scenario: str | Path | Scenario,
+    *,
+    algorithm: str = "ppo",
+    seed: int = 0,
+    total_steps: int | None = None,
+    out: str | Path | None = None,
+    preset: Mapping[str, Any] | str | Path | None = None,
+    n_envs: int | None = None,
+    progress: bool = True,
+    torch_threads: int = 1,
+    save_every: float = 20.0,
+) -> Path:
+    """Trains an agent, or goes on with a training that was interrupted.
+
+    On one thread the result depends on scenario, preset and seed alone, however often the training was
+    interrupted.
+
+    Args:
+        scenario: Name, YAML file or scenario.
+        algorithm: `ppo`, `sac` or `td3`.
+        seed: Of the weights, the exploration and the training seas.
+        total_steps: Environment steps; the preset's if not given.
+        out: Run folder; `runs/SCENARIO-ALGORITHM-SEED` if not given.
+        preset: Settings on top of the preset, or a YAML file of them.
+        n_envs: Environments in the batch; the preset's if not given.
+        progress: Whether to draw a progress bar on stderr.
+        torch_threads: Threads of torch; only one is reproducible to the bit.
+        save_every: Seconds between saves of the state to go on from.
+
+    Returns:
+        The run folder.
+
+    Raises:
+        ValueError: If an argument is impossible, or the folder holds another training or is in use.
+        TrainingFailure: If weights or costs stop being finite.
+        KeyboardInterrupt: When interrupted, after the state has been saved.
+    """
+    chosen = scenarios.load(scenario)
+    settings = _settings(algorithm, chosen, preset, total_steps, n_envs)
+    seen = _seen(chosen, settings)
+    first_sea = _first_sea(seed, settings.n_envs)
+    folder = Path(out) if out is not None else Path("runs") / f"{chosen.name}-{algorithm}-{seed}"
+    identity = {
+        "kind": "training",
+        "algorithm": algorithm,
+        "seed": seed,
+        "first_sea": first_sea,
+        "scenario_name": chosen.name,
+        "fingerprint": seen.fingerprint,
+        "scenario": scenarios.to_mapping(seen),
+        "preset": json.loads(json.dumps(settings.to_mapping())),
+    }
+    with _sole_user(folder):
+        run = _Run.opened(folder, identity)
+        if run.content["status"] == "finished":
+            _LOG.info("%s is finished already", folder)
+            return folder
+        threads = torch.get_num_threads()
+        torch.set_num_threads(torch_threads)
+        try:
+            _Training(run, seen, settings, seed, first_sea, progress, save_every).go()
+        finally:
+            torch.set_num_threads(threads)
+    return folder
+
+
+# Settings ----------------------------------------------------------------------------------------
+
+
+def _settings(
+    algorithm: str,
+    scenario: Scenario,
+    preset: Mapping[str, Any] | str | Path | None,
+    total_steps: int | None,
+    n_envs: int | None,
+) -> Preset:
+    settings = load_preset(algorithm, scenario, preset)
+    given = {
+        key: value for key, value in (("total_steps", total_steps), ("n_envs", n_envs)) if value is not None
+    }
+    return dataclasses.replace(settings, **given)  # type: ignore[arg-type]
+
+
+def _seen(scenario: Scenario, settings: Preset) -> Scenario:
+    """The scenario as the agent sees it."""
+    changes: dict[str, Any] = {}
+    if settings.information_set is not None:
+        changes["information_set"] = settings.information_set
+    if settings.history_lags is not None:
+        changes["history_lags"] = settings.history_lags
+    return dataclasses.replace(scenario, **changes)
+
+
+def _first_sea(seed: int, n_envs: int) -> int:
+    """First of the training seas of a seed; no two seeds share a sea."""
+    most = TRAINING_SEEDS // max(n_envs, 1000) - 1
+    if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed <= most:
+        raise ValueError(f"seed must be a whole number from 0 to {most}, got {seed!r}")
+    return seed * max(n_envs, 1000)
+
+
+def whitening(scenario: Scenario, reference: str | None, first_sea: int) -> np.ndarray:
+    """Matrix that whitens an agent's observations as they are under a reference controller.
+
+    Samples of neighbouring instants are nearly equal, and what matters is in their small differences;
+    principal components of unit variance put these on a par with the rest. Components beneath a
+    thousandth of the largest deviation count as that, so that no rounding is blown up.
+
+    Args:
+        scenario: As the agent sees it.
+        reference: A designed controller's name, or None for random commands on the locked winch.
+        first_sea: Seed of the first of the seas, training seas.
+
+    Returns:
+        (n_observations, n_observations); components are its product with an observation.
+    """
+    n_rows, n_steps = 64, min(scenario.n_steps, 1500)
+    controller = _reference(scenario, reference)
+    env = HeaveVectorEnv(scenario, n_rows, info=False, max_episode_steps=n_steps + 1)
+    rng = np.random.default_rng(first_sea)
+    observation, _ = env.reset(seed=first_sea)
+    memory, command = None, np.zeros((n_rows, 1))
+    moment, count = np.zeros((observation.shape[1],) * 2), 0
+    for step in range(n_steps):
+        if controller is None:
+            command = 0.9 * command + 0.04 * rng.standard_normal((n_rows, 1))
+            action = command
+        else:
+            action, memory = controller.predict(observation, memory)
+        observation = env.step(np.clip(action, -1.0, 1.0))[0]
+        if step >= n_steps // 4 and step % 5 == 0:
+            rows = observation.astype(np.float64)
+            moment += rows.T @ rows
+            count += n_rows
+    env.close()
+    variance, axes = np.linalg.eigh(moment / count)
+    floor = 1e-6 * max(float(variance[-1]), 1e-12)
+    return np.asarray((axes / np.sqrt(np.maximum(variance, floor))).T)
+
+
+def _reference(scenario: Scenario, reference: str | None) -> Controller | None:
+    if reference is None:
+        return None
+    from baselines import design
+
+    try:
+        controller: Controller = design(reference, scenario)
+    except ValueError as error:
+        _LOG.warning("no %s for %s (%s): whitening under random commands", reference, scenario.name, error)
+        return None
+    return controller
+
+
+# The algorithm -----------------------------------------------------------------------------------
+
+
+def build_model(settings: Preset, env: ScaledReward, transform: np.ndarray, seed: int) -> BaseAlgorithm:
+    """The preset's algorithm on an environment, with its whitened observation and linear skip.
+
+    Raises:
+        ValueError: If the preset's options are not ones that the algorithm takes.
+    """
+    begin, end = settings.learning_rate, settings.final_learning_rate
+
+    def learning_rate(remaining: float) -> float:
+        return end + (begin - end) * max(remaining, 0.0)
+
+    options = dict(settings.options)
+    policy: dict[str, Any] = {
+        "net_arch": {
+            "pi": list(settings.hidden),
+            "vf" if settings.algorithm == "ppo" else "qf": list(settings.critic_hidden),
+        },
+        "activation_fn": networks.ACTIVATIONS[settings.activation],
+        "features_extractor_class": networks.WhitenedFeatures,
+        "features_extractor_kwargs": {"transform": transform, "bound": settings.feature_bound},
+    }
+    common: dict[str, Any] = {
+        "learning_rate": learning_rate,
+        "gamma": settings.gamma,
+        "seed": seed,
+        "device": "cpu",
+        "policy_kwargs": policy,
+    }
+    try:
+        if settings.algorithm == "ppo":
+            minibatches = int(options.pop("n_minibatches"))
+            if "log_std_init" in options:
+                policy["log_std_init"] = float(options.pop("log_std_init"))
+            options["batch_size"] = max(2, settings.n_envs * int(options["n_steps"]) // minibatches)
+            return PPO(networks.SkipActorCriticPolicy, env, **common, **options)
+        if settings.algorithm == "sac":
+            return SAC(networks.SkipSacPolicy, env, **common, **options)
+        noise = float(options.pop("action_noise"))
+        options["action_noise"] = NormalActionNoise(np.zeros(1), np.full(1, noise))
+        return TD3(networks.SkipTd3Policy, env, **common, **options)
+    except (TypeError, KeyError) as error:
+        raise ValueError(f"the preset's options do not fit {settings.algorithm}: {error}") from error
+
+
+# The training ------------------------------------------------------------------------------------
+
+
+class _Interrupted(Exception):
+    """Raised between rollouts once the state has been saved."""
+
+
+class _Training:
+    """One training from start or resumption to its end."""
+
+    def __init__(
+        self,
+        run: _Run,
+        scenario: Scenario,
+        settings: Preset,
+        seed: int,
+        first_sea: int,
+        progress: bool,
+        save_every: float,
+    ) -> None:
+        self.run, self.scenario, self.settings = run, scenario, settings
+        self.seed, self.first_sea, self.progress, self.save_every = seed, first_sea, progress, save_every
+
+    def go(self) -> None:
+        run, settings = self.run, self.settings
+        saved = checkpoint.load_state(run.state_folder) if checkpoint.has_state(run.state_folder) else None
+        batch = HeaveVecEnv(
+            self.scenario, settings.n_envs, info=False, autoreset_mode=AutoresetMode.SAME_STEP
+        )
+        env = ScaledReward(
+            batch, gamma=settings.gamma, horizon=settings.reward_horizon, bound=settings.reward_bound
+        )
+        if saved is None:
+            transform = whitening(self.scenario, settings.reference, self.first_sea)
+        else:
+            transform = (
+                saved[0]["policy/features_extractor.transform"]
+                if settings.algorithm == "ppo"
+                else (saved[0]["policy/actor.features_extractor.transform"])
+            )
+        model = build_model(settings, env, transform, self.seed)
+        env.seed(self.first_sea)
+        supervisor = _Supervisor(self, model, batch, env)
+        if saved is not None:
+            supervisor.restore(*saved)
+        model.set_logger(Logger(str(run.folder), [supervisor.curve, _tensorboard(run.folder)]))
+        run.update(status="running")
+        try:
+            with _interrupt_flag() as flag:
+                supervisor.interrupted = flag
+                model.learn(
+                    settings.total_steps - model.num_timesteps,
+                    supervisor,
+                    log_interval=None,  # type: ignore[arg-type]
+                    reset_num_timesteps=saved is None,
+                )
+                supervisor.finish()
+        except _Interrupted:
+            run.update(status="interrupted", steps=model.num_timesteps)
+            raise KeyboardInterrupt(
+                f"interrupted at step {model.num_timesteps}; the same command goes on from there"
+            ) from None
+        except TrainingFailure as failure:
+            run.update(status="failed", reason=str(failure))
+            raise
+        finally:
+            supervisor.close()
+            model.logger.close()
+            env.close()
+
+
+class _Supervisor(BaseCallback):
+    """Everything that happens between rollouts: log, evaluate, keep, save, and give rows a new sea."""
+
+    REFRESH_STEPS = 64
+
+    def __init__(
+        self, training: _Training, model: BaseAlgorithm, batch: HeaveVecEnv, env: ScaledReward
+    ) -> None:
+        super().__init__()
+        self.model = model
+        self.training, self.batch, self.env = training, batch, env
+        self.folder, self.settings = training.run.folder, training.settings
+        self.curve = _CurveFile(self.folder / "progress.csv")
+        self.evaluations: list[dict[str, float]] = []
+        self.best: TrainedPolicy | None = None
+        self.last = {"log": 0, "evaluation": 0, "checkpoint": 0, "refresh": 0}
+        self.wall = 0.0  # seconds of the sessions before this one
+        self.began = self.saved_at = time.monotonic()
+        self.pause = training.save_every
+        self.interrupted = threading.Event()
+        self.bar: Any = None
+
+    # Stable-Baselines3's calls ---------------------------------------------------------------
+
+    def _on_training_start(self) -> None:
+        if self.training.progress:
+            from tqdm import tqdm
+
+            self.bar = tqdm(
+                total=self.settings.total_steps,
+                initial=self.model.num_timesteps,
+                unit="step",
+                unit_scale=True,
+                desc=f"{self.settings.algorithm} on {self.training.scenario.name}",
+                dynamic_ncols=True,
+            )
+
+    def _on_rollout_start(self) -> None:
+        step = self.model.num_timesteps
+        if step == 0 or step - self.last["refresh"] >= self.REFRESH_STEPS * self.settings.n_envs:
+            self._check_finite(step)
+            self._record(step)
+            self._save_if_due(step)
+            self._refresh(step)
+        elif self.interrupted.is_set():
+            self._save_if_due(step)
+
+    def _on_step(self) -> bool:
+        return True
+
+    # What it does ----------------------------------------------------------------------------
+
+    def _check_finite(self, step: int) -> None:
+        finite = all(bool(torch.isfinite(parameter).all()) for parameter in self.model.policy.parameters())
+        if not finite or not np.isfinite(self.env.mean_cost):
+            raise TrainingFailure(
+                f"the training stopped being finite at step {step}; the best policy so far is kept in "
+                f"{str(self.folder)!r}: train with a lower learning_rate"
+            )
+
+    def _due(self, what: str, step: int, every: int) -> bool:
+        if step // every == self.last[what] // every:
+            return False
+        self.last[what] = step
+        return True
+
+    def _record(self, step: int) -> None:
+        settings = self.settings
+        if self._due("log", step, settings.log_every):
+            self._log(step)
+        if self._due("evaluation", step, settings.evaluate_every):
+            self._evaluate(step)
+        if self._due("checkpoint", step, settings.checkpoint_every):
+            path = self.folder / "checkpoints" / f"policy-{step:09d}.json"
+            path.parent.mkdir(exist_ok=True)
+            save_policy(path, self._policy(step))
+
+    def _log(self, step: int) -> None:
+        cost, wall = self.env.gathered_cost(), self._wall()
+        logger = self.model.logger
+        logger.record("time/total_timesteps", step)
+        logger.record("time/wall_s", wall)
+        logger.record("rollout/cost_mean", cost)
+        logger.record("rollout/reward_scale", self.env.scale)
+        if self.evaluations:
+            logger.record("validation/cost_mean", self.evaluations[-1]["cost_mean"])
+            logger.record("validation/payload_heave_std", self.evaluations[-1]["payload_heave_std"])
+        logger.dump(step)
+        if self.bar is not None:
+            shown = {"cost": f"{cost:.3g}"}
+            if self.evaluations:
+                shown["validation"] = f"{self.evaluations[-1]['cost_mean']:.3g}"
+                shown["best"] = f"{min(row['cost_mean'] for row in self.evaluations):.3g}"
+            self.bar.set_postfix(shown, refresh=False)
+            self.bar.update(step - self.bar.n)
+
+    def _policy(self, step: int, **facts: Any) -> TrainedPolicy:
+        training = self.training
+        card = policy_card(
+            training.scenario,
+            algorithm=self.settings.algorithm,
+            training={"seed": training.seed, "steps": step, **facts},
+        )
+        return networks.exported(self.model, card)
+
+    def _evaluate(self, step: int) -> None:
+        row: dict[str, float] = {"step": step, "wall_s": round(self._wall(), 3)}
+        row |= validation(
+            self._policy(step),
+            self.training.scenario,
+            n_seas=self.settings.evaluation_seas,
+            duration=self.settings.evaluation_duration,
+        )
+        best = min((old["cost_mean"] for old in self.evaluations), default=math.inf)
+        self.evaluations.append(row)
+        self._write_evaluations()
+        if self.best is None or row["cost_mean"] < best:
+            self.best = self._policy(
+                step, validation_cost=row["cost_mean"], validation_cost_max=row["cost_max"]
+            )
+            save_policy(self.folder / "policy.json", self.best)
+
+    def _write_evaluations(self) -> None:
+        text = io.StringIO()
+        writer = csv.DictWriter(text, list(self.evaluations[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.evaluations)
+        write_atomic(self.folder / "evaluations.csv", text.getvalue().encode())
+
+    def _refresh(self, step: int) -> None:
+        elapsed = (step - self.last["refresh"]) // self.settings.n_envs
+        self.last["refresh"] = step
+        if step == 0:
+            return
+        # A stream of its own, keyed by seed and step: nothing to remember, nothing drawn from others.
+        rng = np.random.default_rng([self.training.seed, step])
+        mask = rng.random(self.settings.n_envs) < elapsed / self.settings.mean_life
+        mask |= self.env.wild_rows(elapsed)
+        if mask.any():
+            self.model._last_obs = self.batch.env.reset_rows(mask)
+            self.model._last_episode_starts = np.asarray(self.model._last_episode_starts) | mask
+            self.env.forget(mask)
+
+    def finish(self) -> None:
+        """The last evaluation, and the run's end."""
+        step = self.model.num_timesteps
+        self._check_finite(step)
+        self._log(step)
+        self._evaluate(step)
+        path = self.folder / "checkpoints" / "policy-final.json"
+        path.parent.mkdir(exist_ok=True)
+        save_policy(path, self._policy(step))
+        best = min(self.evaluations, key=lambda row: row["cost_mean"])
+        self.training.run.update(
+            status="finished",
+            steps=step,
+            wall_s=round(self._wall(), 1),
+            finished=_now(),
+            best=best,
+        )
+        self.training.run.drop_state()
+
+    def close(self) -> None:
+        """Ends the bar."""
+        if self.bar is not None:
+            self.bar.close()
+
+    def _wall(self) -> float:
+        return self.wall + time.monotonic() - self.began
+
+    # The state to go on from -----------------------------------------------------------------
+
+    def _save_if_due(self, step: int) -> None:
+        begin = time.monotonic()
+        stop = self.interrupted.is_set()
+        if step == 0 or not (stop or begin - self.saved_at >= self.pause):
+            return
+        arrays, content = checkpoint.model_state(self.model)
+        arrays |= {f"env/{name}": np.asarray(value) for name, value in self.batch.env.get_state().items()}
+        arrays |= {f"reward/{name}": value for name, value in self.env.get_state().items()}
+        if self.best is not None:
+            arrays |= {f"best/{name}": value for name, value in self.best.weights.items()}
+            content["best_card"] = self.best.card
+        content |= {
+            "evaluations": self.evaluations,
+            "last": dict(self.last),
+            "wall": self._wall(),
+            "curve": self.curve.rows,
+        }
+        checkpoint.save_state(self.training.run.state_folder, arrays, content, step)
+        self.training.run.update(steps=step, wall_s=round(self._wall(), 1))
+        self.saved_at = time.monotonic()
+        self.pause = max(self.training.save_every, (self.saved_at - begin) / _SAVE_SHARE)
+        if stop:
+            raise _Interrupted
+
+    def restore(self, arrays: checkpoint.Arrays, content: Mapping[str, Any]) -> None:
+        """Takes up the state that a session before this one saved."""
+        checkpoint.restore_model(self.model, arrays, content)
+        self.batch.env.set_state(checkpoint.under(arrays, "env/"))
+        self.env.set_state(checkpoint.under(arrays, "reward/"))
+        self.evaluations = list(content["evaluations"])
+        self.last = dict(content["last"])
+        self.wall = float(content["wall"])
+        self.curve.rows = list(content["curve"])
+        if "best_card" in content:
+            layers = networks.exported(self.model, content["best_card"]).architecture
+            self.best = TrainedPolicy(layers, checkpoint.under(arrays, "best/"), content["best_card"])
+            # The files may be of a moment after the state was saved, or half of a pair.
+            save_policy(self.folder / "policy.json", self.best)
+
+
+def validation(
+    controller: Controller, scenario: Scenario, *, n_seas: int, duration: float
+) -> dict[str, float]:
+    """How a controller does on validation seas, the first half of each episode left out.
+
+    Args:
+        controller: What acts.
+        scenario: With the information set that the controller sees.
+        n_seas: Validation seas.
+        duration: Length of the episodes, at most the scenario's own [s].
+
+    Returns:
+        Mean, median and largest stage cost over the seas [-], standard deviations of payload heave and
+        command [m], and the seas in which the operation failed [-].
+    """
+    n_steps = max(2, min(scenario.n_steps, round(duration / scenario.control_dt)))
+    env = HeaveVectorEnv(scenario, n_seas, max_episode_steps=n_steps, autoreset_mode=AutoresetMode.DISABLED)
+    observation, _ = env.reset(seed=FIRST_VALIDATION_SEED)
+    memory: Any = None
+    running = np.ones(n_seas, dtype=bool)
+    cost, heave, command = np.zeros(n_seas), np.zeros(n_seas), np.zeros(n_seas)
+    failed, scored = np.zeros(n_seas, dtype=bool), np.zeros(n_seas)
+    for step in range(n_steps):
+        action, memory = controller.predict(observation, memory)
+        observation, reward, terminated, _, info = env.step(action)
+        count = running & (terminated | (step >= n_steps // 2))
+        cost[count] -= reward[count]
+        heave[count] += info["payload_heave"][count] ** 2
+        command[count] += info["command"][count] ** 2
+        scored[count] += 1
+        failed |= running & terminated
+        running &= ~terminated
+        if step + 1 < n_steps and terminated.any():
+            observation, _ = env.reset(options={"reset_mask": terminated})
+        if not running.any():
+            break
+    env.close()
+    scored = np.maximum(scored, 1)
+    return {
+        "cost_mean": float(np.mean(cost / scored)),
+        "cost_median": float(np.median(cost / scored)),
+        "cost_max": float(np.max(cost / scored)),
+        "payload_heave_std": float(np.sqrt(np.mean(heave / scored))),
+        "command_std": float(np.sqrt(np.mean(command / scored))),
+        "failed": float(failed.sum()),
+    }
+
+
+# The run folder ----------------------------------------------------------------------------------
+
+
+class _Run:
+    """A training's folder and the JSON that describes it."""
+
+    def __init__(self, folder: Path, content: dict[str, Any]) -> None:
+        self.folder, self.content = folder, content
+
+    @classmethod
+    def opened(cls, folder: Path, identity: Mapping[str, Any]) -> _Run:
+        """The run in a folder, or a new one.
+
+        Raises:
+            ValueError: If the folder holds another training, or something else.
+        """
+        path = folder / RUN_FILE
+        if not path.exists():
+            strangers = [entry.name for entry in folder.iterdir() if entry.name != _LOCK_FILE]
+            if strangers:
+                raise ValueError(
+                    f"{str(folder)!r} holds files but no run ({min(strangers)!r}, ...): choose another folder"
+                )
+            run = cls(folder, {**identity, "status": "running", "steps": 0, "wall_s": 0.0, **_origin()})
+            run.update()
+            return run
+        try:
+            content = json.loads(path.read_text(encoding="utf-8"))
+        except (OSError, ValueError) as error:
+            raise ValueError(
+                f"cannot read {str(path)!r} ({error}): delete the folder or choose another"
+            ) from error
+        for key, value in identity.items():
+            if content.get(key) != value:
+                difference = _difference(key, content.get(key), value)
+                raise ValueError(
+                    f"{str(folder)!r} holds another training: its {difference}; "
+                    "choose another folder or repeat its settings"
+                )
+        return cls(folder, content)
+
+    @property
+    def state_folder(self) -> Path:
+        """Where the state to go on from lies."""
+        return self.folder / STATE_FOLDER
+
+    def update(self, **changes: Any) -> None:
+        """Changes entries and writes the JSON."""
+        self.content |= changes
+        write_atomic(self.folder / RUN_FILE, (json.dumps(self.content, indent=1) + "\n").encode())
+
+    def drop_state(self) -> None:
+        """Removes the state to go on from: there is nothing left to do."""
+        if self.state_folder.exists():
+            for path in self.state_folder.iterdir():
+                path.unlink()
+            self.state_folder.rmdir()
+
+
+_LOCK_FILE = ".lock"
+
+
+@contextlib.contextmanager
+def _sole_user(folder: Path) -> Iterator[None]:
+    """Holds the folder for this process; the system lets go of it when the process ends, however it does."""
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ValueError(f"cannot make the run folder {str(folder)!r}: {error.strerror}") from error
+    try:
+        import fcntl
+    except ImportError:  # not on this system: two trainings in one folder are the user's own affair
+        yield
+        return
+    with (folder / _LOCK_FILE).open("w") as file:
+        try:
+            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except OSError as error:
+            raise ValueError(
+                f"another process is training in {str(folder)!r}: wait for it or end it"
+            ) from error
+        yield
+
+
+def _difference(key: str, theirs: Any, ours: Any) -> str:
+    """Where two settings differ, by the innermost key."""
+    if isinstance(theirs, dict) and isinstance(ours, dict):
+        for inner in ours:
+            if theirs.get(inner) != ours[inner]:
+                return _difference(f"{key}.{inner}", theirs.get(inner), ours[inner])
+    return f"{key} is {theirs!r}, not {ours!r}"
+
+
+def _now() -> str:
+    return datetime.now(UTC).isoformat(timespec="seconds")
+
+
+def _origin() -> dict[str, Any]:
+    """When, by which versions and from which commit a run was started."""
+    versions = {}
+    for name in ("heave-env", "numpy", "numba", "gymnasium", "stable-baselines3", "torch"):
+        with contextlib.suppress(metadata.PackageNotFoundError):
+            versions[name] = metadata.version(name)
+    root = Path(__file__).resolve().parent.parent
+    commit = None
+    if (root / ".git").exists():
+        with contextlib.suppress(OSError, subprocess.SubprocessError):
+            done = subprocess.run(
+                ["git", "-C", str(root), "rev-parse", "HEAD"],
+                capture_output=True,
+                text=True,
+                timeout=10,
+                check=True,
+            )
+            commit = done.stdout.strip()
+    return {"started": _now(), "versions": versions, "commit": commit}
+
+
+class _CurveFile(KVWriter):
+    """The logged values as CSV, rewritten whole at each row, so that no kill leaves half a line."""
+
+    def __init__(self, path: Path) -> None:
+        self.path = path
+        self.rows: list[dict[str, float]] = []
+
+    def write(
+        self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
+    ) -> None:
+        """Adds a row."""
+        self.rows.append({key: float(value) for key, value in sorted(key_values.items())})
+        columns: dict[str, None] = {}
+        for row in self.rows:
+            columns |= dict.fromkeys(row)
+        text = io.StringIO()
+        writer = csv.DictWriter(text, list(columns), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(self.rows)
+        write_atomic(self.path, text.getvalue().encode())
+
+    def close(self) -> None:
+        """Nothing is left open."""
+
+
+def _tensorboard(folder: Path) -> TensorBoardOutputFormat:
+    return TensorBoardOutputFormat(str(folder / "tensorboard"))
+
+
+@contextlib.contextmanager
+def _interrupt_flag() -> Iterator[threading.Event]:
+    """An event that Ctrl-C or SIGTERM sets; a second Ctrl-C interrupts at once. Main thread only."""
+    flag = threading.Event()
+    if threading.current_thread() is not threading.main_thread():
+        yield flag
+        return
+
+    def handle(signum: int, frame: Any) -> None:
+        if flag.is_set():
+            raise KeyboardInterrupt
+        flag.set()
+
+    previous = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
+    try:
+        yield flag
+    finally:
+        for number, handler in previous.items():
+            signal.signal(number, handler)

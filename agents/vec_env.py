@@ -1,0 +1,254 @@
+"""The native batch as a Stable-Baselines3 `VecEnv`, and the reward's running scale."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import gymnasium
+import numpy as np
+from gymnasium.vector import AutoresetMode
+from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
+from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
+
+from heave_env.env import HeaveVectorEnv
+from heave_env.scenarios import Scenario
+
+
+class HeaveVecEnv(VecEnv):
+    """`HeaveVectorEnv` in SAME_STEP, as Stable-Baselines3 wants it.
+
+    A finished row's `terminal_observation` and `TimeLimit.truncated` are in its info; rows that did not
+    finish get an empty dictionary each, plus the environment's channels if its `info` is on. The rows
+    live in one object: `get_attr`, `set_attr` and `env_method` reach that object and answer for each row.
+    """
+
+    def __init__(
+        self, env: HeaveVectorEnv | Scenario | str | Path, num_envs: int | None = None, **options: Any
+    ) -> None:
+        """Wraps a batch, or builds one.
+
+        Args:
+            env: A batch in SAME_STEP, or the scenario to build one from (name, YAML file or object).
+            num_envs: Rows of the batch to build; 1 if not given.
+            **options: Further options of the `HeaveVectorEnv` to build.
+
+        Raises:
+            ValueError: If a given batch is not in SAME_STEP, or is given together with options.
+        """
+        if isinstance(env, (Scenario, str, Path)):
+            options.setdefault("autoreset_mode", AutoresetMode.SAME_STEP)
+            env = HeaveVectorEnv(env, 1 if num_envs is None else num_envs, **options)
+        elif num_envs is not None or options:
+            raise ValueError(
+                "num_envs and options belong to a batch that HeaveVecEnv builds from a scenario; the batch "
+                "given has its own"
+            )
+        mode = env.metadata.get("autoreset_mode")
+        if mode != AutoresetMode.SAME_STEP:
+            raise ValueError(
+                f"Stable-Baselines3 wants autoreset_mode SAME_STEP, this batch has {mode}: build it with "
+                "autoreset_mode=AutoresetMode.SAME_STEP"
+            )
+        self.env = env
+        self._actions: np.ndarray | None = None
+        super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
+
+    def reset(self) -> np.ndarray:
+        """Begins an episode in every row and returns the observations."""
+        seeds = None if self._seeds[0] is None else [int(seed) for seed in self._seeds if seed is not None]
+        observation, info = self.env.reset(seed=seeds, options=self._options[0] or None)
+        self.reset_infos = _info_rows(info, self.num_envs)
+        self._reset_seeds()
+        self._reset_options()
+        return observation
+
+    def step_async(self, actions: np.ndarray) -> None:
+        """Keeps the actions for `step_wait`."""
+        self._actions = actions
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Steps the batch; rewards are float32, as Stable-Baselines3's buffers are."""
+        observation, reward, terminated, truncated, info = self.env.step(self._actions)
+        done = terminated | truncated
+        infos = _info_rows(info, self.num_envs)
+        if done.any():
+            final = info.get("final_info", {})
+            for row in np.flatnonzero(done):
+                infos[row] = _info_row(final, int(row))
+                infos[row]["terminal_observation"] = np.array(info["final_obs"][row])
+                infos[row]["TimeLimit.truncated"] = bool(truncated[row] and not terminated[row])
+        return observation, reward.astype(np.float32), done, infos
+
+    def close(self) -> None:
+        """Closes the batch."""
+        self.env.close()
+
+    def get_attr(self, attr_name: str, indices: VecEnvIndices = None) -> list[Any]:
+        """The batch's attribute, once per row asked for."""
+        value = getattr(self.env, attr_name)
+        return [value for _ in self._get_indices(indices)]
+
+    def set_attr(self, attr_name: str, value: Any, indices: VecEnvIndices = None) -> None:
+        """Sets the batch's attribute, which all rows share.
+
+        Raises:
+            ValueError: If only some of the rows are asked for.
+        """
+        if set(self._get_indices(indices)) != set(range(self.num_envs)):
+            raise ValueError(f"the rows share {attr_name!r}: set it for all of them, with indices=None")
+        setattr(self.env, attr_name, value)
+
+    def env_method(
+        self, method_name: str, *method_args: Any, indices: VecEnvIndices = None, **method_kwargs: Any
+    ) -> list[Any]:
+        """Calls the batch's method once; its result is repeated for each row asked for."""
+        result = getattr(self.env, method_name)(*method_args, **method_kwargs)
+        return [result for _ in self._get_indices(indices)]
+
+    def env_is_wrapped(
+        self, wrapper_class: type[gymnasium.Wrapper], indices: VecEnvIndices = None
+    ) -> list[bool]:
+        """No row is wrapped: there are no single environments inside."""
+        return [False for _ in self._get_indices(indices)]
+
+    def get_images(self) -> Sequence[np.ndarray | None]:
+        """One frame per row, or None where the batch renders none."""
+        frames = self.env.render()
+        if not isinstance(frames, (tuple, list)):
+            return [None] * self.num_envs
+        return list(frames)
+
+
+def _info_row(info: dict[str, Any], row: int) -> dict[str, Any]:
+    """One row of a dictionary of arrays, as plain numbers; absent entries are left out."""
+    return {
+        key: values[row].item() if isinstance(values, np.ndarray) and values.dtype != object else values[row]
+        for key, values in info.items()
+        if not key.startswith("_") and info.get(f"_{key}", _ALL)[row]
+    }
+
+
+class _All:
+    def __getitem__(self, row: int) -> bool:
+        return True
+
+
+_ALL = _All()
+
+
+def _info_rows(info: dict[str, Any], n_rows: int) -> list[dict[str, Any]]:
+    """A fresh dictionary per row; Stable-Baselines3 writes into them."""
+    rows: list[dict[str, Any]] = [{} for _ in range(n_rows)]
+    for key, values in info.items():
+        if key.startswith("_") or key in ("final_obs", "final_info"):
+            continue
+        present = info.get(f"_{key}")
+        for row, value in enumerate(values.tolist() if isinstance(values, np.ndarray) else values):
+            if present is None or present[row]:
+                rows[row][key] = value
+    return rows
+
+
+_OUTLIER = 20.0  # times the median; a squared Gaussian is beyond once in 400 draws
+
+
+class ScaledReward(VecEnvWrapper):
+    """Rewards less their running mean, over the running deviation of their discounted sum.
+
+    A continuing task wants centred rewards, or the critic spends itself on a constant. Both
+    statistics forget exponentially, since costs fall by orders of magnitude as an agent learns, and
+    count outliers only up to a multiple of the median over the rows.
+
+    Source: Naik et al. (2024), "Reward centering", for the mean; the scale is that of
+    Stable-Baselines3's `VecNormalize`, forgetting added.
+    """
+
+    def __init__(self, venv: VecEnv, *, gamma: float, horizon: float = 500.0, bound: float = 2.0) -> None:
+        """Wraps a vector environment.
+
+        Args:
+            venv: The environments.
+            gamma: Discount of the sum whose deviation is the scale [-].
+            horizon: Steps of the batch over which the statistics forget [-].
+            bound: Scaled rewards are clipped to ± this [-].
+        """
+        super().__init__(venv)
+        self.gamma, self.horizon, self.bound = gamma, horizon, bound
+        self._returns = np.zeros(venv.num_envs)
+        self._mean, self._variance, self._weight = 0.0, 0.0, 0.0
+        self._gathered_cost, self._gathered = 0.0, 0
+        self._clipped = np.zeros(venv.num_envs)
+
+    def reset(self) -> Any:
+        """Begins an episode in every row; the statistics stay."""
+        self._returns[:] = 0.0
+        return self.venv.reset()
+
+    def step_wait(self) -> VecEnvStepReturn:
+        """Steps, then scales the rewards."""
+        observation, reward, done, infos = self.venv.step_wait()
+        raw = np.asarray(reward, dtype=np.float64)
+        self._gathered_cost -= float(raw.mean())
+        self._gathered += 1
+        # Debiased exponential averages: exact from the first step on.
+        self._weight += (1.0 - self._weight) / self.horizon
+        share = 1.0 / (self.horizon * self._weight)
+        # A row that has run wild must neither set the scale for the others nor rule the critic.
+        usual = np.maximum(raw, -_OUTLIER * float(np.median(np.abs(raw))))
+        self._mean += share * (float(usual.mean()) - self._mean)
+        centred = raw - self._mean
+        scale = float(np.sqrt(self._variance)) or np.inf
+        kept = np.clip(centred, -self.bound * scale, self.bound * scale)
+        self._clipped += kept > centred
+        self._returns = self.gamma * self._returns + kept
+        squares = self._returns**2
+        usual = np.minimum(squares, _OUTLIER * float(np.median(squares)))
+        self._variance += share * (float(usual.mean()) - self._variance)
+        self._returns[done] = 0.0
+        scaled = np.clip(kept / np.sqrt(self._variance + 1e-12), -self.bound, self.bound)
+        return observation, scaled.astype(np.float32), done, infos
+
+    def gathered_cost(self) -> float:
+        """Mean stage cost since this was last asked [-]."""
+        cost = self._gathered_cost / max(self._gathered, 1)
+        self._gathered_cost, self._gathered = 0.0, 0
+        return cost
+
+    @property
+    def mean_cost(self) -> float:
+        """Running mean of the stage cost, outliers cut off [-]."""
+        return -self._mean
+
+    @property
+    def scale(self) -> float:
+        """What rewards are divided by [-]."""
+        return float(np.sqrt(self._variance))
+
+    def forget(self, rows: np.ndarray) -> None:
+        """Begins the discounted sum of some rows anew, (n,) bool: they were given another episode."""
+        self._returns[rows] = 0.0
+
+    def wild_rows(self, n_steps: int) -> np.ndarray:
+        """Rows whose reward was cut off in over half of the `n_steps` since last asked, (n,) bool."""
+        wild = self._clipped > 0.5 * n_steps
+        self._clipped[:] = 0.0
+        return wild
+
+    def get_state(self) -> dict[str, np.ndarray]:
+        """Everything that the statistics remember."""
+        numbers = (self._mean, self._variance, self._weight, self._gathered_cost, float(self._gathered))
+        return {
+            "returns": self._returns.copy(),
+            "clipped": self._clipped.copy(),
+            "statistics": np.array(numbers),
+        }
+
+    def set_state(self, state: dict[str, np.ndarray]) -> None:
+        """Takes up what `get_state` gave."""
+        self._returns = np.array(state["returns"])
+        self._clipped = np.array(state["clipped"])
+        numbers = [float(value) for value in state["statistics"]]
+        self._mean, self._variance, self._weight, self._gathered_cost = numbers[:4]
+        self._gathered = int(numbers[4])
