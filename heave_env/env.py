@@ -117,6 +117,7 @@ class _Traces:
             trace_payload=samples[:, 2],
             scenario_name=scenario.name,
             command=value("command"),
+            motion_range=4.0 * scenario.boom_tip_scale,
         )
 
 
