@@ -6,6 +6,7 @@ for bit, the single environment seeded s + i.
 
 from __future__ import annotations
 
+import math
 from collections import deque
 from collections.abc import Sequence
 from pathlib import Path
@@ -468,7 +469,12 @@ class HeaveEnv(gym.Env):
         """
         if self._finished:
             raise gym.error.ResetNeeded("the episode has not begun, or is over: call reset() before step()")
-        self._action[:] = checked_actions(action, (1,))
+        # The usual action takes the short way: checking one number with array functions costs microseconds.
+        usual = isinstance(action, np.ndarray) and action.shape == (1,)
+        value = action.item() if usual else checked_actions(action, (1,)).item()
+        if not math.isfinite(value):
+            raise ValueError(f"action must be finite numbers in [-1, 1], got {value}")
+        self._action[0] = value
         plant = self.plant
         plant.advance(self._action)
         self._steps += 1

@@ -138,6 +138,8 @@ class Plant:
         self.outcome = np.zeros(self.n_envs, dtype=np.int64)
         self.channels = np.zeros((self.n_envs if show_channels else 0, rows.N_CHANNELS))
         self._position = 0
+        self._buffers = (self._state, self._counters, self._cfg, self._tables, scenario.control_dt)
+        self._shown = (self.observation, self.reward, self.outcome, self.channels)
         n_threads = min(int(n_threads), self.n_blocks)
         cuts = np.linspace(0, self.n_blocks, n_threads + 1).astype(int)
         self._shares = [(int(a), int(b)) for a, b in pairwise(cuts)]
@@ -277,22 +279,13 @@ class Plant:
         else:
             self._counters[block, k.SEED, lane] = np.asarray(seeds, dtype=np.uint64)[place]
             self._counters[block, k.EPISODE, lane] = 0
-        self._begin(
-            self._state,
-            self._counters,
-            self._cfg,
-            self._tables,
-            self.scenario.control_dt,
-            self._position,
-            np.asarray(mask, dtype=np.bool_),
-            self.observation,
-            self.channels,
-        )
+        rows_to_begin = np.asarray(mask, dtype=np.bool_)
+        self._begin(*self._buffers, self._position, rows_to_begin, self.observation, self.channels)
 
     def advance(self, actions: Array) -> None:
         """Advances every row by one control step under actions in [-1, 1], (n_envs,), float64."""
         if self._pool is None:
-            self._advance_blocks(actions, 0, self.n_blocks)
+            self._advance(*self._buffers, self._position, actions, *self._shown, 0, self.n_blocks)
         else:
             work = [self._pool.submit(self._advance_blocks, actions, a, b) for a, b in self._shares]
             for share in work:
@@ -300,21 +293,7 @@ class Plant:
         self._position += 1
 
     def _advance_blocks(self, actions: Array, first: int, last: int) -> None:
-        self._advance(
-            self._state,
-            self._counters,
-            self._cfg,
-            self._tables,
-            self.scenario.control_dt,
-            self._position,
-            actions,
-            self.observation,
-            self.reward,
-            self.outcome,
-            self.channels,
-            first,
-            last,
-        )
+        self._advance(*self._buffers, self._position, actions, *self._shown, first, last)
 
     def steps(self) -> Array:
         """Control steps that each row has made in its episode, (n_envs,)."""

@@ -1,0 +1,1 @@
+"""Solvers of the cable, and the closed forms that they are held to."""
