@@ -9,12 +9,15 @@ Source: Huang (1992), 6.2.5, (6.11)-(6.15); the chain: Åström and Wittenmark (
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from baselines.linear_controller import LinearController, controller
 from baselines.lqr import (
     PAYLOAD_MOTION,
     continuous_gain,
+    design_weights,
     lqr,
     measured_entries,
     require_payload_motion,
@@ -50,12 +53,15 @@ def taylor_matrices(payload: LinearPayload, rate_constant: float, delay: float) 
     return A, B
 
 
-def delay_lqr(scenario: Scenario, *, design: str = "exact") -> LinearController:
+def delay_lqr(
+    scenario: Scenario, *, design: str = "exact", command_weight: float | None = None
+) -> LinearController:
     """Designs the regulator that accounts for the command's delay; without a delay it is the plain one.
 
     Args:
         scenario: The operation; its task weighs position against command.
         design: `exact`, the discrete chain, or `taylor`, the thesis's (6.14).
+        command_weight: r of the design [1/m²]; the task's own if not given.
 
     Returns:
         The controller, with its performance on the model with the exact delay, whatever its design.
@@ -67,15 +73,17 @@ def delay_lqr(scenario: Scenario, *, design: str = "exact") -> LinearController:
         raise ValueError(f"design of delay_lqr must be one of {', '.join(DESIGNS)}, got {design!r}")
     require_payload_motion(scenario, "delay_lqr")
     if scenario.n_pending == 0:
-        from dataclasses import replace
-
-        plain = lqr(scenario, design="sampled" if design == "exact" else "continuous")
+        plain = lqr(
+            scenario,
+            design="sampled" if design == "exact" else "continuous",
+            command_weight=command_weight,
+        )
         return replace(plain, name="delay_lqr")
-    return _exact(scenario) if design == "exact" else _taylor(scenario)
+    q, r = design_weights(scenario, command_weight)
+    return _exact(scenario, q, r) if design == "exact" else _taylor(scenario, q, r)
 
 
-def _exact(scenario: Scenario) -> LinearController:
-    q, r = scenario.task.position_weight, scenario.task.command_weight
+def _exact(scenario: Scenario, q: float, r: float) -> LinearController:
     model = linear_model(scenario, sea=False)
     n = 3 + scenario.n_pending
     A, B = model.A[:n, :n], model.B[:n]
@@ -86,7 +94,15 @@ def _exact(scenario: Scenario) -> LinearController:
     truth = truth_model(scenario)
     if "winch_displacement" in measured:
         return controller(
-            "delay_lqr", scenario, states, D=gain, gain=gain, states=states, energy_index=index, truth=truth
+            "delay_lqr",
+            scenario,
+            states,
+            D=gain,
+            gain=gain,
+            states=states,
+            energy_index=index,
+            truth=truth,
+            command_weight=r,
         )
     # The winch's displacement is row 2 of the model, driven by pending and new commands alone.
     used = (*PAYLOAD_MOTION, *states[3:])
@@ -103,11 +119,11 @@ def _exact(scenario: Scenario) -> LinearController:
         states=states,
         energy_index=index,
         truth=truth,
+        command_weight=r,
     )
 
 
-def _taylor(scenario: Scenario) -> LinearController:
-    q, r = scenario.task.position_weight, scenario.task.command_weight
+def _taylor(scenario: Scenario, q: float, r: float) -> LinearController:
     A, B = taylor_matrices(
         payload_model(scenario), scenario.winch.rate_constant, scenario.winch.command_delay
     )
@@ -131,4 +147,5 @@ def _taylor(scenario: Scenario) -> LinearController:
         states=(*PAYLOAD_MOTION, "winch_displacement", "delayed_command", "delayed_command_rate"),
         energy_index=float(np.linalg.norm(gain)),
         truth=truth_model(scenario),
+        command_weight=r,
     )

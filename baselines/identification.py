@@ -130,8 +130,10 @@ def fit_payload(
             trial = parameters + step
             trial[0] = max(trial[0], 0.2 * parameters[0])
             trial[1] = max(trial[1], 2.0 * LEAST_DAMPING_RATIO * math.sqrt(trial[0]))
-            x_try, a_try, b_try = simulate(response, *trial)
-            misfit_try = float(np.mean((z - x_try) ** 2))
+            # A step too far may blow the nonlinear model up: its misfit is then no number, and it is halved.
+            with np.errstate(all="ignore"):
+                x_try, a_try, b_try = simulate(response, *trial)
+                misfit_try = float(np.mean((z - x_try) ** 2))
             if misfit_try <= misfit * (1.0 + 1e-12):
                 break
             step = 0.5 * step
@@ -214,10 +216,14 @@ def first_guess(scenario: Scenario) -> tuple[float, float]:
 
 
 def identification_scenario(scenario: Scenario) -> Scenario:
-    """The scenario's cable at its initial length under its sea: locked winch, no pay-out, no limits.
+    """The scenario's cable at its initial length under its sea, taut: winch locked, no pay-out, no limits.
 
     A recorded motion is replaced by the sea that stands for it in a design, a calm one by `CALM_SEA`.
     """
+    cable = scenario.cable
+    if cable is not None:
+        # Compensation is to keep the cable taut: its taut behaviour is what the controllers need.
+        cable = replace(cable, breaking_strength=None, tension_only=False)
     sea = scenario.sea_state
     if sea.kind in ("recorded", "calm"):
         sea = nominal_sea(scenario) or CALM_SEA
@@ -237,7 +243,7 @@ def identification_scenario(scenario: Scenario) -> Scenario:
             speed_limit=None,
             acceleration_limit=None,
         ),
-        cable=None if scenario.cable is None else replace(scenario.cable, breaking_strength=None),
+        cable=cable,
         pay_out=PayOut(),
         information_set="sensors",
         sensors=(Sensor(channel="payload_heave"),),

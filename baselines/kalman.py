@@ -1,40 +1,50 @@
-"""The stationary Kalman filter on what the sensors really give.
+"""The Kalman filter on what the sensors really give.
 
 In the current-estimator form: the measurement of an instant corrects the prior estimate of the same instant,
 
     estimate = prior + M (y - C prior),   next prior = A estimate + B u0,   M = P Cᵀ (C P Cᵀ + V)⁻¹,
 
 with P the prior's covariance from the discrete Riccati equation. Pending commands are known, not estimated:
-they are no outputs of the filter and have no covariance. A filter that starts from zero needs about 100 s
-before the sea's slow states have settled.
+they are no outputs of the filter and have no covariance.
+
+The sea's slow states take minutes to settle in a stationary filter. It therefore begins with the gains that
+are optimal from the first instant of an episode, whose distribution is known (the sea stationary, the payload
+hanging still), and goes over to the stationary gain.
 
 Source: Kalman (1960); Franklin, Powell and Workman (1998), current estimator; Huang (1992), 6.3.4.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 from scipy.linalg import solve_continuous_are, solve_discrete_are
 
 from baselines.linear_controller import observation_units
-from baselines.model import MODELLED_CHANNELS, ContinuousModel, LinearModel, linear_model
+from baselines.model import MODELLED_CHANNELS, ContinuousModel, LinearModel, linear_model, noise_floor
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
+
+START_STEPS = 4000
+"""Steps of an episode after which a starting gain is held, settled or not [-]."""
+START_TOLERANCE = 1e-3
+"""Relative difference from the stationary gain at which the start is over [-]."""
 
 
 @dataclass(frozen=True, eq=False)
 class KalmanFilter:
-    """Stationary filter of a scenario; estimates are rows (n_envs, n_states) in the model's SI units."""
+    """Filter of a scenario; estimates are rows (n_envs, n_states) in the model's SI units."""
 
     model: LinearModel
     """The model, seen through the outputs that the filter uses."""
     prior_covariance: Array
-    """Of the estimate's error before the measurement, (n_states, n_states)."""
+    """Stationary, of the estimate's error before the measurement, (n_states, n_states)."""
     gain: Array
-    """M, (n_states, n_outputs)."""
+    """Stationary M, (n_states, n_outputs)."""
+    start_gains: Array
+    """M of the first steps of an episode, (n_start, n_states, n_outputs); the last one stays in use."""
 
     @cached_property
     def posterior_covariance(self) -> Array:
@@ -46,9 +56,19 @@ class KalmanFilter:
         """Prior estimate of rows that begin: the mean, zero."""
         return np.zeros((n_envs, self.model.n_states))
 
-    def corrected(self, prior: Array, measurement: Array) -> Array:
-        """Estimate after a measurement in SI units, (n_envs, n_outputs)."""
-        return np.asarray(prior + (measurement - prior @ self.model.C.T) @ self.gain.T)
+    def corrected(self, prior: Array, measurement: Array, step: Array) -> Array:
+        """Estimate after a measurement.
+
+        Args:
+            prior: Estimate before it, (n_envs, n_states).
+            measurement: In SI units, (n_envs, n_outputs).
+            step: Steps since each row's episode began, (n_envs,).
+        """
+        innovation = measurement - prior @ self.model.C.T
+        stage = np.minimum(step, len(self.start_gains) - 1).astype(int)
+        if stage.min() == stage.max():
+            return np.asarray(prior + innovation @ self.start_gains[stage[0]].T)
+        return np.asarray(prior + np.einsum("nsy,ny->ns", self.start_gains[stage], innovation))
 
     def advanced(self, estimate: Array, command: Array) -> Array:
         """Next prior after a command in metres, (n_envs, 1)."""
@@ -110,8 +130,36 @@ def filter_outputs(scenario: Scenario) -> tuple[str, ...]:
     )
 
 
-def kalman_filter(scenario: Scenario) -> KalmanFilter:
-    """Designs the stationary filter for a scenario's sensors.
+def starting_gains(model: LinearModel, gain: Array) -> Array:
+    """Gains from an episode's first instant until they have become the stationary one.
+
+    Args:
+        model: The model, seen through the filter's outputs.
+        gain: The stationary gain, (n_states, n_outputs).
+
+    Returns:
+        (n_start, n_states, n_outputs), `START_STEPS` at most.
+    """
+    A, C, W, V = model.A, model.C, model.W, model.V
+    P = model.start_covariance
+    size = np.sqrt(np.diag(V))
+    gains: list[Array] = []
+    while len(gains) < START_STEPS:
+        M = np.linalg.solve(C @ P @ C.T + V, C @ P).T
+        gains.append(M)
+        if np.linalg.norm((M - gain) * size) <= START_TOLERANCE * np.linalg.norm(gain * size):
+            break
+        rest = np.eye(len(A)) - M @ C
+        P = A @ (rest @ P @ rest.T + M @ V @ M.T) @ A.T + W
+    return np.array(gains)
+
+
+def kalman_filter(scenario: Scenario, *, mismatch: float = 1.0) -> KalmanFilter:
+    """Designs the filter for a scenario's sensors.
+
+    Args:
+        scenario: The operation.
+        mismatch: How many times the residual of the identification the model of a cable is doubted by.
 
     Raises:
         ValueError: If the sea is calm or nothing that the model expresses is measured.
@@ -122,16 +170,13 @@ def kalman_filter(scenario: Scenario) -> KalmanFilter:
             f"scenario {scenario.name!r} measures nothing that a linear filter can use; add a sensor of "
             f"{', '.join(MODELLED_CHANNELS)}"
         )
-    model = linear_model(scenario).select(outputs)
+    model = linear_model(scenario, mismatch=mismatch).select(outputs)
     if scenario.observed_filter_states:
-        # Every state is seen exactly: a filter of the measured ones, with single precision's noise.
-        floor = np.where(np.diag(model.V) > 0.0, np.diag(model.V), 1e-12)
-        model = LinearModel(
-            model.A, model.B, model.C, model.W, np.diag(floor), model.states, outputs, model.thesis_sizes
-        )
+        # Filter states have no sensor: they are seen exactly, but for the floor.
+        model = replace(model, V=np.diag(np.maximum(np.diag(model.V), noise_floor(scenario) ** 2)))
     P = filter_covariance(model.A, model.C, model.W, model.V)
-    gain = np.linalg.solve(model.C @ P @ model.C.T + model.V, model.C @ P).T
-    return KalmanFilter(model, P, np.asarray(gain))
+    gain = np.asarray(np.linalg.solve(model.C @ P @ model.C.T + model.V, model.C @ P).T)
+    return KalmanFilter(model, P, gain, starting_gains(model, gain))
 
 
 def measurement_of(scenario: Scenario, observation: Array, outputs: tuple[str, ...]) -> Array:

@@ -8,7 +8,7 @@ that saturation does not wind it up. A static gain has no memory; LQG's is its p
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
 
@@ -62,8 +62,10 @@ class LinearController:
     """The design's feedback gain on its model's states, u0 = -gain s, (1, n_states)."""
     states: tuple[str, ...] = ()
     """Names of the states that `gain` acts on."""
-    performance: Performance | None = field(default=None)
+    performance: Performance | None = None
     """What theory predicts on the scenario's linear model; None where the sea is calm."""
+    command_weight: float | None = None
+    """r that the gain was designed with [1/m²]: the task's own, or a larger one (`baselines.tuning`)."""
 
     @property
     def predicted_cost(self) -> float | None:
@@ -113,20 +115,20 @@ class LinearController:
                 f"got {observation.shape[-1]}; design it for the scenario that it drives"
             )
         y = np.atleast_2d(observation)[:, self.columns].astype(float) * self.scale + self.offset
-        if self.n_memory == 0:
-            command = self._clipped(-(y @ self.D.T))
-            memory = None
-        else:
-            prior = np.zeros((len(y), self.n_memory)) if state is None else np.asarray(state, dtype=float)
-            if episode_start is not None:
-                start = np.asarray(episode_start, dtype=bool).reshape(-1, 1)
-                prior = np.where(start, 0.0, prior)
-            command = self._clipped(-(prior @ self.L.T + y @ self.D.T))
-            memory = prior @ self.F.T + y @ self.G.T + command @ self.H.T
+        memory = np.zeros((len(y), self.n_memory)) if state is None else np.asarray(state, dtype=float)
+        if episode_start is not None:
+            memory = np.where(np.asarray(episode_start, dtype=bool).reshape(-1, 1), 0.0, memory)
+        command, memory = self.respond(y, memory)
         action = (command / self.command_range).astype(np.float32)
-        return (action[0] if observation.ndim == 1 else action), memory
+        return (action[0] if observation.ndim == 1 else action), (memory if self.n_memory else None)
 
-    def _clipped(self, command: Array) -> Array:
+    def respond(self, y: Array, memory: Array) -> tuple[Array, Array]:
+        """Command in metres, (n_envs, 1), and the next memory, for measurements in SI units."""
+        command = self.clipped(-(memory @ self.L.T + y @ self.D.T))
+        return command, memory @ self.F.T + y @ self.G.T + command @ self.H.T
+
+    def clipped(self, command: Array) -> Array:
+        """The command within the range that the winch is given [m]."""
         return np.clip(command, -self.command_range, self.command_range)
 
 
@@ -144,6 +146,7 @@ def controller(
     states: tuple[str, ...],
     energy_index: float,
     truth: LinearModel | None,
+    command_weight: float,
 ) -> LinearController:
     """Puts a linear controller together for a scenario and adds what theory predicts of it.
 
@@ -156,6 +159,7 @@ def controller(
         states: Names of the states the gain acts on.
         energy_index: sqrt(Σ G²).
         truth: Linear model of the scenario to predict the performance on; None predicts nothing.
+        command_weight: r of the design [1/m²].
     """
     n_y = len(measures)
     F = np.zeros((0, 0)) if F is None else F
@@ -182,6 +186,7 @@ def controller(
         gain=gain,
         states=states,
         performance=performance,
+        command_weight=command_weight,
     )
 
 

@@ -12,26 +12,58 @@ Source: Huang (1992), 6.3.4, (6.28)-(6.31); Åström (1970), separation theorem.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 import numpy as np
+from scipy.linalg import solve_continuous_lyapunov
 
 from baselines.kalman import KalmanFilter, continuous_filter, kalman_filter
 from baselines.linear_controller import LinearController, controller
-from baselines.lqr import continuous_gain, sampled_gain
+from baselines.lqr import continuous_gain, design_weights, sampled_gain
 from baselines.model import ContinuousModel, linear_model
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
 
 
-def lqg(scenario: Scenario) -> LinearController:
+@dataclass(frozen=True, eq=False)
+class StochasticOptimal(LinearController):
+    """Filter and gain in series; the memory is the prior estimate and the steps since the episode began.
+
+    The matrices F, G, H, L, D are those of the stationary filter.
+    """
+
+    estimator: KalmanFilter | None = None
+
+    @property
+    def n_memory(self) -> int:
+        """Numbers remembered from step to step [-]."""
+        return len(self.F) + 1
+
+    def respond(self, y: Array, memory: Array) -> tuple[Array, Array]:
+        """Command in metres, (n_envs, 1), and the next memory, for measurements in SI units."""
+        assert self.estimator is not None and self.gain is not None
+        prior, step = memory[:, :-1], memory[:, -1]
+        estimate = self.estimator.corrected(prior, y, step)
+        command = self.clipped(-(estimate @ self.gain.T))
+        return command, np.column_stack([self.estimator.advanced(estimate, command), step + 1.0])
+
+
+def lqg(
+    scenario: Scenario, *, command_weight: float | None = None, mismatch: float = 1.0
+) -> LinearController:
     """Designs the stochastic-optimal controller for a scenario and its sensors.
+
+    Args:
+        scenario: The operation; its task weighs position against command.
+        command_weight: r of the design [1/m²]; the task's own if not given.
+        mismatch: How many times the residual of the identification the model of a cable is doubted by.
 
     Raises:
         ValueError: If the sea is calm, or nothing that the model expresses is measured.
     """
+    q, r = design_weights(scenario, command_weight)
     model = linear_model(scenario)
-    gain, _ = sampled_gain(model.A, model.B, scenario.task.position_weight, scenario.task.command_weight)
+    gain, _ = sampled_gain(model.A, model.B, q, r)
     index = model.energy_index(gain)
     if sees_everything(scenario):
         return controller(
@@ -43,12 +75,13 @@ def lqg(scenario: Scenario) -> LinearController:
             states=model.states,
             energy_index=index,
             truth=model,
+            command_weight=r,
         )
-    estimator = kalman_filter(scenario)
+    estimator = kalman_filter(scenario, mismatch=mismatch)
     A, B, C, M = model.A, model.B, estimator.model.C, estimator.gain
     # estimate = (I - M C) prior + M y, in the form of `LinearController` with the prior as its memory.
     rest = np.eye(model.n_states) - M @ C
-    return controller(
+    stationary = controller(
         "lqg",
         scenario,
         estimator.model.outputs,
@@ -61,12 +94,16 @@ def lqg(scenario: Scenario) -> LinearController:
         states=model.states,
         energy_index=index,
         truth=model,
+        command_weight=r,
     )
+    parts = {item.name: getattr(stationary, item.name) for item in fields(stationary)}
+    return StochasticOptimal(**parts, estimator=estimator)
 
 
 def sees_everything(scenario: Scenario) -> bool:
     """Whether the observation holds the model's whole state without noise."""
-    if not scenario.observed_filter_states:
+    if not scenario.observed_filter_states or not scenario.is_linear:
+        # A cable has more states than its model: a filter finds what the model misses.
         return False
     return set(linear_model(scenario).states) <= set(scenario.observation_names)
 
@@ -127,9 +164,7 @@ def continuous_performance(
     else:
         # The error is uncorrelated with the estimate, which is driven by the innovation M C e + M noise.
         M, error = continuous_filter(model, outputs, densities)
-        closed = ContinuousModel(model.A - model.B1 @ gain, model.B1, model.B2, model.thesis_sizes).A
-        from scipy.linalg import solve_continuous_lyapunov
-
+        closed = model.A - model.B1 @ gain
         estimate = solve_continuous_lyapunov(closed, -M @ np.diag(densities) @ M.T)
         covariance = estimate + error
     return ContinuousPerformance(

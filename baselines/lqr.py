@@ -14,7 +14,7 @@ import numpy as np
 from scipy.linalg import solve_continuous_are, solve_discrete_are
 
 from baselines.linear_controller import LinearController, controller
-from baselines.model import LinearModel, linear_model, payload_model, regulator_matrices
+from baselines.model import LinearModel, linear_model, payload_model, regulator_matrices, sea_filter
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
 
@@ -46,12 +46,15 @@ def sampled_gain(A: Array, B: Array, position_weight: float, command_weight: flo
     return np.asarray(K), np.asarray(S)
 
 
-def lqr(scenario: Scenario, *, design: str = "sampled") -> LinearController:
+def lqr(
+    scenario: Scenario, *, design: str = "sampled", command_weight: float | None = None
+) -> LinearController:
     """Designs the regulator for a scenario.
 
     Args:
         scenario: The operation; its task weighs position against command.
         design: `sampled`, exact for commands held over a control step, or `continuous`, the thesis's (6.10).
+        command_weight: r of the design [1/m²]; the task's own if not given.
 
     Returns:
         The controller. Its `performance` is that with the true delay, which it ignores, and with the sensors'
@@ -63,7 +66,7 @@ def lqr(scenario: Scenario, *, design: str = "sampled") -> LinearController:
     if design not in DESIGNS:
         raise ValueError(f"design of lqr must be one of {', '.join(DESIGNS)}, got {design!r}")
     require_payload_motion(scenario, "lqr")
-    q, r = scenario.task.position_weight, scenario.task.command_weight
+    q, r = design_weights(scenario, command_weight)
     if design == "continuous":
         A, B, _ = regulator_matrices(payload_model(scenario), scenario.winch.rate_constant)
         gain = continuous_gain(A, B, q, r)
@@ -76,7 +79,15 @@ def lqr(scenario: Scenario, *, design: str = "sampled") -> LinearController:
     index = float(np.linalg.norm(gain))
     if "winch_displacement" in measured:
         return controller(
-            "lqr", scenario, states, D=gain, gain=gain, states=states, energy_index=index, truth=truth
+            "lqr",
+            scenario,
+            states,
+            D=gain,
+            gain=gain,
+            states=states,
+            energy_index=index,
+            truth=truth,
+            command_weight=r,
         )
     # u_{k+1} = p u_k + (1 - p) u0_k, from the controller's own commands.
     p = math.exp(-scenario.winch.rate_constant * scenario.control_dt)
@@ -93,7 +104,20 @@ def lqr(scenario: Scenario, *, design: str = "sampled") -> LinearController:
         states=states,
         energy_index=index,
         truth=truth,
+        command_weight=r,
     )
+
+
+def design_weights(scenario: Scenario, command_weight: float | None) -> tuple[float, float]:
+    """q and r of a design: the task's own, but for a command weight that is given.
+
+    Raises:
+        ValueError: If the weight given is not positive.
+    """
+    r = scenario.task.command_weight if command_weight is None else float(command_weight)
+    if not (math.isfinite(r) and r > 0.0):
+        raise ValueError(f"command_weight must be a positive number, got {command_weight!r}")
+    return scenario.task.position_weight, r
 
 
 def measured_entries(scenario: Scenario) -> tuple[str, ...]:
@@ -114,6 +138,4 @@ def require_payload_motion(scenario: Scenario, name: str) -> None:
 
 def truth_model(scenario: Scenario) -> LinearModel | None:
     """The linear model with sea and delay that performance is predicted on; None when the sea is calm."""
-    from baselines.model import sea_filter
-
     return None if sea_filter(scenario) is None else linear_model(scenario)

@@ -56,6 +56,9 @@ NOISE_FLOOR = 1e-6
 """Least noise that a measured channel is credited with, over its scale [-]: what single precision leaves of
 an observation, and what keeps the filter's equations regular where a sensor is exact."""
 
+DOUBT_FLOOR = 0.01
+"""The same on a cable [-]: its higher modes, which the model has not, are noise to the filter."""
+
 
 # The sea as the controllers see it ---------------------------------------------------------------
 
@@ -232,6 +235,9 @@ class LinearModel:
     """Name of each output, as in `Scenario.observation_names`."""
     thesis_sizes: Array
     """One unit of each state in the thesis's coordinates, (n_states,)."""
+    start_covariance: Array
+    """Covariance of the state when an episode begins: the sea stationary, the payload hanging still below
+    the boom tip, the winch at zero, (n_states, n_states)."""
 
     @property
     def n_states(self) -> int:
@@ -296,13 +302,16 @@ def delayed_command(
     return F, H, G, np.eye(n_pending, k=-1)
 
 
-def linear_model(scenario: Scenario, *, sea: bool = True, delay: bool = True) -> LinearModel:
+def linear_model(
+    scenario: Scenario, *, sea: bool = True, delay: bool = True, mismatch: float = 1.0
+) -> LinearModel:
     """The scenario's model at its control instants.
 
     Args:
         scenario: The operation. A cable is replaced by its identified second-order model.
         sea: Whether the boom tip's filter is part of the state; without it there is no process noise.
         delay: Whether the command's delay is.
+        mismatch: How many times the residual of the identification the model of a cable is doubted by.
 
     Returns:
         The model with every channel of the observation that it can express, pending commands included.
@@ -311,7 +320,9 @@ def linear_model(scenario: Scenario, *, sea: bool = True, delay: bool = True) ->
         ValueError: If a sea is asked for and the scenario's is calm.
     """
     continuous = continuous_model(scenario, sea=sea)
-    if sea and len(continuous.A) == 3:
+    n = len(continuous.A)
+    waves = sea_filter(scenario) if sea else None
+    if sea and waves is None:
         raise ValueError(
             f"scenario {scenario.name!r} has a calm sea, of which there is nothing to model; choose a "
             "controller without a sea model (lqr, delay_lqr) or another sea_state.kind"
@@ -321,25 +332,31 @@ def linear_model(scenario: Scenario, *, sea: bool = True, delay: bool = True) ->
     tau = scenario.winch.command_delay if delay else 0.0
     F, H, G, shift = delayed_command(continuous.A, continuous.B1, dt, tau, n_pending)
     _, Q = discretised_noise(continuous.A, continuous.noise, dt)
-    Q = Q + _mismatch(scenario, continuous, dt)
+    Q = Q + mismatch**2 * _mismatch(scenario, continuous, dt)
 
-    n_filter = len(continuous.A) - 3
-    order = np.r_[0:3, len(F) : len(F) + n_pending, 3 : len(F)]
-    A = np.block([[F, H], [np.zeros((n_pending, len(F))), shift]])[np.ix_(order, order)]
+    # Pending commands stand behind the winch, whose future they are.
+    order = np.r_[0:3, n : n + n_pending, 3:n]
+    A = np.block([[F, H], [np.zeros((n_pending, n)), shift]])[np.ix_(order, order)]
     B = np.vstack([G, np.eye(n_pending, 1)])[order]
     W = np.zeros_like(A)
-    W[: len(F), : len(F)] = Q
+    W[:n, :n] = Q
     W = W[np.ix_(order, order)]
-    states = [
+    states = (
         "payload_heave",
         "payload_heave_rate",
         "winch_displacement",
         *(f"pending_command_{i + 1}" for i in range(n_pending)),
-        *(f"filter_state_{i}" for i in range(n_filter)),
-    ]
+        *(f"filter_state_{i}" for i in range(n - 3)),
+    )
     sizes = np.concatenate([np.ones(3 + n_pending), continuous.thesis_sizes[3:]])
-    waves = sea_filter(scenario) if sea else None
-    return _with_outputs(scenario, A, B, W, states, sizes, waves)
+    start = np.zeros_like(A)
+    if waves is not None:
+        # Hanging still: the payload stands where the boom tip is.
+        still = np.zeros((len(A), waves.n_states))
+        still[0], still[-waves.n_states :] = waves.C[0], np.eye(waves.n_states)
+        start = still @ waves.covariance @ still.T
+    model = LinearModel(A, B, np.zeros((0, len(A))), W, np.zeros((0, 0)), states, (), sizes, start)
+    return _with_outputs(scenario, model, waves)
 
 
 def _mismatch(scenario: Scenario, model: ContinuousModel, dt: float) -> Array:
@@ -359,36 +376,31 @@ def _mismatch(scenario: Scenario, model: ContinuousModel, dt: float) -> Array:
     return discretised_noise(model.A, noise, dt)[1]
 
 
-def _with_outputs(
-    scenario: Scenario,
-    A: Array,
-    B: Array,
-    W: Array,
-    states: list[str],
-    sizes: Array,
-    waves: LinearFilter | None,
-) -> LinearModel:
+def _with_outputs(scenario: Scenario, model: LinearModel, waves: LinearFilter | None) -> LinearModel:
     """Adds the outputs of the observation, and the past samples that delayed sensors report."""
+    A, B, W, start = model.A, model.B, model.W, model.start_covariance
+    states = list(model.states)
     rows: dict[str, Array] = {}
     variances: dict[str, float] = {}
     for sensor in scenario.observed_sensors:
         row = channel_row(sensor.channel, states, waves)
         if row is None:
             continue
-        age = round(sensor.delay / scenario.control_dt)
-        for i in range(age):
-            # The next past sample is what this row reads now.
-            A = np.block([[A, np.zeros((len(A), 1))], [row[None], np.zeros((1, 1))]])
+        now = row
+        for i in range(round(sensor.delay / scenario.control_dt)):
+            # The next past sample is what this row reads now; before the episode it read what it reads now.
+            n = len(A)
+            A = np.block([[A, np.zeros((n, 1))], [row[None], np.zeros((1, 1))]])
             B = np.vstack([B, [[0.0]]])
-            W = np.block([[W, np.zeros((len(W), 1))], [np.zeros((1, len(W) + 1))]])
-            states = [*states, f"{sensor.channel}[-{i + 1}]"]
-            sizes = np.append(sizes, 1.0)
-            row = np.zeros(len(A))
-            row[-1] = 1.0
+            W = np.pad(W, (0, 1))
+            grow = np.vstack([np.eye(n), np.pad(now, (0, n - len(now)))])
+            start = grow @ start @ grow.T
+            states.append(f"{sensor.channel}[-{i + 1}]")
+            row = np.eye(n + 1)[n]
         rows[sensor.channel] = row
         assert sensor.scale is not None
-        variances[sensor.channel] = sensor.sample_std(scenario.control_dt) ** 2 + (
-            (NOISE_FLOOR * sensor.scale) ** 2
+        variances[sensor.channel] = (
+            sensor.sample_std(scenario.control_dt) ** 2 + (noise_floor(scenario) * sensor.scale) ** 2
         )
     for name in scenario.observation_names:
         if name in states and name not in rows:
@@ -397,7 +409,13 @@ def _with_outputs(
     n = len(A)
     C = np.array([np.pad(row, (0, n - len(row))) for row in rows.values()]).reshape(len(rows), n)
     V = np.diag([variances[name] for name in rows])
-    return LinearModel(A, B, C, W, V, tuple(states), tuple(rows), sizes)
+    sizes = np.pad(model.thesis_sizes, (0, n - model.n_states), constant_values=1.0)
+    return LinearModel(A, B, C, W, V, tuple(states), tuple(rows), sizes, start)
+
+
+def noise_floor(scenario: Scenario) -> float:
+    """Least noise of a channel over its scale [-]."""
+    return NOISE_FLOOR if scenario.is_linear else DOUBT_FLOOR
 
 
 def channel_row(channel: str, states: list[str], waves: LinearFilter | None) -> Array | None:

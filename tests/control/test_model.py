@@ -2,6 +2,7 @@
 
 import math
 from dataclasses import replace
+from itertools import pairwise
 
 import numpy as np
 import pytest
@@ -55,12 +56,10 @@ def test_the_delay_chain_is_the_delayed_plant_whatever_the_fraction(delay):
     # The same by integrating the continuous plant between the instants where the winch's input jumps.
     truth = np.zeros(3)
     jumps = sorted({0.0, n_steps * dt, *(k * dt + delay for k in range(n_steps) if k * dt + delay < 1.2)})
-    for start, end in zip(jumps, jumps[1:], strict=False):
+    for start, end in pairwise(jumps):
         k = math.floor((0.5 * (start + end) - delay) / dt)
         u0 = commands[k] if k >= 0 else 0.0
-        run = solve_ivp(
-            lambda t, x, u0=u0: A @ x + B[:, 0] * u0, (start, end), truth, rtol=1e-11, atol=1e-13
-        )
+        run = solve_ivp(lambda t, x, u0=u0: A @ x + B[:, 0] * u0, (start, end), truth, rtol=1e-11, atol=1e-13)
         truth = run.y[:, -1]
     assert state[:, 0] == pytest.approx(truth, abs=1e-9)
 

@@ -67,7 +67,8 @@ def test_the_scalar_filter_is_the_root_of_its_quadratic():
     P = filter_covariance(np.array([[a]]), np.eye(1), np.array([[w]]), np.array([[v]])).item()
     # P = a² P v / (P + v) + w  <=>  P² + (v - a² v - w) P - w v = 0
     p = v - a**2 * v - w
-    assert P == pytest.approx((-p + math.sqrt(p**2 + 4.0 * w * v)) / 2.0, rel=1e-12)
+    root = (-p + math.sqrt(p**2 + 4.0 * w * v)) / 2.0
+    assert pytest.approx(root, rel=1e-12) == P
 
 
 @pytest.mark.parametrize("delay", [0.0, 0.15, 0.4])
@@ -201,9 +202,7 @@ def test_with_a_delay_the_same_effect_takes_more_energy():
     for kind in ("displacement", "velocity"):
         without, with_delay = getattr(plain, kind), getattr(delayed, kind)
         assert np.all(np.diff(without) < 0.0)
-        needed = np.exp(
-            np.interp(np.log(with_delay), np.log(without[::-1]), np.log(plain.energy[::-1]))
-        )
+        needed = np.exp(np.interp(np.log(with_delay), np.log(without[::-1]), np.log(plain.energy[::-1])))
         inside = (with_delay > without.min()) & (with_delay < without.max())
         assert inside.sum() >= 7
         assert np.all(delayed.energy[inside] > needed[inside])
