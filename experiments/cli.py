@@ -53,7 +53,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"heave: this needs the package {error.name!r}; install it with pip", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        print("heave: interrupted; nothing half-written was left behind", file=sys.stderr)
+        resumes = options.run in (_train, _demo)
+        hint = "the same command goes on from there" if resumes else "nothing half-written was left behind"
+        print(f"heave: interrupted; {hint}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader of our output has left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
@@ -90,7 +92,10 @@ def parser() -> Parser:
     )
     demo.add_argument("--seeds", type=int, default=None, metavar="N", help="unseen seas to compare in (16)")
     demo.add_argument("--steps", type=_count, metavar="N", help="training steps (the preset's)")
-    demo.add_argument("--seed", type=int, default=0, metavar="N", help="seed of the training (0)")
+    demo.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the training (0)")
+    demo.add_argument(
+        "--duration", type=_seconds, metavar="S", help="length of an episode compared [s] (400)"
+    )
     demo.add_argument("--out", default="runs/demo", metavar="DIR", help="folder for the results (runs/demo)")
 
     listing = verb(
@@ -138,7 +143,7 @@ def parser() -> Parser:
     train.add_argument("--algorithm", choices=ALGORITHMS, default="ppo", help="learning algorithm (ppo)")
     train.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the training (0)")
     train.add_argument("--steps", type=_count, metavar="N", help="environment steps (the preset's)")
-    train.add_argument("--out", metavar="DIR", help="run folder (runs/SCENARIO_ALGORITHM_SEED)")
+    train.add_argument("--out", metavar="DIR", help="run folder (runs/SCENARIO-ALGORITHM-SEED)")
 
     compare = verb(
         "compare",
@@ -332,6 +337,7 @@ def _demo(options: argparse.Namespace) -> None:
             n_seeds=N_SEEDS if options.seeds is None else options.seeds,
             total_steps=options.steps,
             seed=options.seed,
+            duration=options.duration,
             arguments=options.arguments,
             announce=lambda line: note.print(line, markup=False),
             progress=advance,
@@ -401,9 +407,8 @@ def _train(options: argparse.Namespace) -> None:
     from agents.train import train
 
     scenario = scenario_of(options.scenario, options.settings)
-    out = options.out or Path("runs") / f"{scenario.name}_{options.algorithm}_{options.seed}"
     run = train(
-        scenario, algorithm=options.algorithm, seed=options.seed, total_steps=options.steps, out=Path(out)
+        scenario, algorithm=options.algorithm, seed=options.seed, total_steps=options.steps, out=options.out
     )
     print(
         f"{run}: compare it with\n"

@@ -23,6 +23,7 @@ def demo(
     n_seeds: int = N_SEEDS,
     total_steps: int | None = None,
     seed: int = 0,
+    duration: float | None = None,
     arguments: Sequence[str] | None = None,
     announce: Callable[[str], None] | None = None,
     progress: Callable[[str, str, int, int], None] | None = None,
@@ -34,6 +35,7 @@ def demo(
         n_seeds: Unseen seas of the comparison.
         total_steps: Environment steps of the training; None: the preset's.
         seed: Seed of the training.
+        duration: Length of the comparison's episodes [s]; None: the protocol's.
         arguments: Command line of the provenance; None: the process's own.
         announce: Called with a line about what comes next.
         progress: As in `experiments.compare.compare`.
@@ -59,6 +61,7 @@ def demo(
         [*CONTROLLERS, f"{AGENT_PREFIX}{run}"],
         n_seeds=n_seeds,
         out=out,
+        duration=duration,
         arguments=None if arguments is None else list(arguments),
         progress=progress,
     )

@@ -28,7 +28,15 @@ def significant(value: float | None, digits: int = 3) -> str:
     if exponent < -3 or exponent > 6:
         mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
         return f"{mantissa}·10^{int(power)}".replace("-", "−")
-    return f"{value:.{max(0, digits - 1 - exponent)}f}".replace("-", "−")
+    decimals = digits - 1 - exponent
+    if decimals < 0:
+        return _grouped(value, decimals)
+    return f"{value:.{decimals}f}".replace("-", "−")
+
+
+def _grouped(value: float, decimals: int) -> str:
+    """A large number rounded to tens, hundreds, ..., its thousands set apart."""
+    return f"{round(value, decimals):,.0f}".replace("-", "−").replace(",", "\N{NARROW NO-BREAK SPACE}")
 
 
 def with_interval(found: dict[str, Any] | None, factor: float = 1.0) -> str:
@@ -45,10 +53,7 @@ def with_interval(found: dict[str, Any] | None, factor: float = 1.0) -> str:
         return f"{significant(factor * mean)} ± {significant(half, 2)}"
     decimals = 1 - math.floor(math.log10(half))
     if decimals < 0:
-        rounded = (round(factor * mean, decimals), round(half, decimals))
-        return (
-            "{:,.0f} ± {:,.0f}".format(*rounded).replace("-", "−").replace(",", "\N{NARROW NO-BREAK SPACE}")
-        )
+        return f"{_grouped(factor * mean, decimals)} ± {_grouped(half, decimals)}"
     if mean != 0.0:  # five significant digits say enough
         decimals = min(decimals, max(0, 4 - math.floor(math.log10(factor * abs(mean)))))
     bound = f"{half:.{decimals}f}"

@@ -147,6 +147,16 @@ def test_an_interruption_leaves_with_130_and_no_file(capsys, tmp_path, monkeypat
     assert out.read_text(encoding="utf-8") == "old"
 
 
+def test_an_interrupted_training_says_how_to_go_on(capsys, tmp_path, monkeypatch):
+    def interrupt(*arguments, **options):
+        raise KeyboardInterrupt
+
+    monkeypatch.setattr("agents.train.train", interrupt)
+    code, _, err = run(capsys, "train", "thesis_linear", "--out", tmp_path / "run")
+    assert code == 130
+    assert "the same command goes on" in err
+
+
 # Wrong inputs ------------------------------------------------------------------------------------
 
 WRONG_SETTINGS = [
