@@ -32,8 +32,8 @@ WEIGHT_FACTORS = (100.0, 10.0, 1000.0, 1.0, 1e4)
 MISMATCH_FACTORS = (1.0, 0.1, 10.0, 0.01, 100.0)
 """Multiples of a filter's doubt of its model that are tried with each [-]."""
 CAUTION = 1.15
-"""Of the choices within this factor of the least cost, the one with the largest weight is taken, then that with
-the largest doubt [-]: the least may lie on the brink of a limit cycle that other seas set off."""
+"""Of the choices within this factor of the least cost, the one with the largest weight is taken, then that
+with the largest doubt [-]: the least may lie on the brink of a limit cycle that other seas set off."""
 WARM_UP = 100.0
 """Seconds that do not count [s]; a quarter of a shorter episode."""
 LONGEST = 250.0
