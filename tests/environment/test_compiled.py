@@ -1,0 +1,72 @@
+"""The kernel's cache notices edits of every stage, not of its own file alone."""
+
+from __future__ import annotations
+
+import os
+import shutil
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+
+from heave_env import compiled
+
+PROGRAM = """
+from heave_env.plant import simulate
+from heave_env.scenarios import load
+import numpy as np
+record = simulate(load("thesis_linear"), seeds=[0], duration=2.0, commands=np.ones(20))
+print(record["winch_displacement"][-1, 0])
+"""
+
+
+def test_every_stage_file_counts_in_the_fingerprint(tmp_path, monkeypatch):
+    package = Path(compiled.__file__).parent
+    for name in compiled._STAGE_FILES:
+        (tmp_path / name).parent.mkdir(exist_ok=True)
+        shutil.copy(package / name, tmp_path / name)
+    monkeypatch.setattr(compiled, "__file__", str(tmp_path / "compiled.py"))
+    seen = {compiled.source_fingerprint()}
+    for name in compiled._STAGE_FILES:
+        with (tmp_path / name).open("a") as file:
+            file.write("# an edit\n")
+        seen.add(compiled.source_fingerprint())
+    assert len(seen) == 1 + len(compiled._STAGE_FILES)
+
+
+def test_every_file_with_a_stage_is_in_the_fingerprint():
+    package = Path(compiled.__file__).parent
+    with_stages = {
+        path.relative_to(package).as_posix()
+        for path in package.rglob("*.py")
+        if "@stage" in path.read_text(encoding="utf-8") or "@njit" in path.read_text(encoding="utf-8")
+    }
+    assert with_stages <= set(compiled._STAGE_FILES)
+
+
+@pytest.mark.slow
+def test_an_edited_stage_is_compiled_anew(tmp_path):
+    shutil.copytree(
+        Path(compiled.__file__).parent,
+        tmp_path / "heave_env",
+        ignore=shutil.ignore_patterns("__pycache__"),
+    )
+    environment = {**os.environ, "PYTHONPATH": str(tmp_path)}
+
+    def displacement() -> float:
+        done = subprocess.run(
+            [sys.executable, "-c", PROGRAM], env=environment, cwd=tmp_path, capture_output=True, text=True
+        )
+        assert done.returncode == 0, done.stderr
+        return float(done.stdout)
+
+    before = displacement()
+    winch = tmp_path / "heave_env" / "winch.py"
+    edited = winch.read_text().replace(
+        "S[WINCH_DISPLACEMENT, lane] = u0 - gap", "S[WINCH_DISPLACEMENT, lane] = u0"
+    )
+    assert edited != winch.read_text()
+    winch.write_text(edited)
+    assert before == pytest.approx(2.0 * 0.8647 / 2.0, abs=1e-3)
+    assert displacement() == pytest.approx(1.0)
