@@ -43,8 +43,11 @@ class KalmanFilter:
     """Stationary, of the estimate's error before the measurement, (n_states, n_states)."""
     gain: Array
     """Stationary M, (n_states, n_outputs)."""
-    start_gains: Array
-    """M of the first steps of an episode, (n_start, n_states, n_outputs); the last one stays in use."""
+
+    @cached_property
+    def start_gains(self) -> Array:
+        """M of the first steps of an episode, (n_start, n_states, n_outputs); the last one stays in use."""
+        return starting_gains(self.model, self.gain)
 
     @cached_property
     def posterior_covariance(self) -> Array:
@@ -176,7 +179,7 @@ def kalman_filter(scenario: Scenario, *, mismatch: float = 1.0) -> KalmanFilter:
         model = replace(model, V=np.diag(np.maximum(np.diag(model.V), noise_floor(scenario) ** 2)))
     P = filter_covariance(model.A, model.C, model.W, model.V)
     gain = np.asarray(np.linalg.solve(model.C @ P @ model.C.T + model.V, model.C @ P).T)
-    return KalmanFilter(model, P, gain, starting_gains(model, gain))
+    return KalmanFilter(model, P, gain)
 
 
 def measurement_of(scenario: Scenario, observation: Array, outputs: tuple[str, ...]) -> Array:

@@ -25,6 +25,8 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass, replace
+from functools import lru_cache
+from pathlib import Path
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
@@ -75,11 +77,7 @@ def nominal_sea(scenario: Scenario) -> SeaState | None:
         return None
     if sea.kind == "recorded":
         assert sea.recording is not None
-        recording = read_motion(sea.recording)
-        span = float(recording.time[-1] - recording.time[0])
-        instants = np.arange(0.0, span, min(scenario.control_dt, span / 100.0))
-        heave, rate, _ = recording.sampled(instants)
-        std, rate_std = float(np.std(heave)), float(np.std(rate))
+        std, rate_std = _recorded_size(sea.recording, _modified(sea.recording))
         if std == 0.0 or rate_std == 0.0:
             return None
         period = 2.0 * math.pi * std / rate_std
@@ -89,6 +87,23 @@ def nominal_sea(scenario: Scenario) -> SeaState | None:
     if sea.kind == "regular":
         return sea
     return replace(sea, kind="shaping_filter")
+
+
+def _modified(path: str) -> int:
+    """When a file was last written, so that a changed one is read anew; 0 if it is not there."""
+    try:
+        return Path(path).stat().st_mtime_ns
+    except OSError:
+        return 0
+
+
+@lru_cache(maxsize=16)
+def _recorded_size(path: str, modified: int) -> tuple[float, float]:
+    """Standard deviations of a recorded boom tip's heave and rate [m, m/s]."""
+    recording = read_motion(path)
+    span = float(recording.time[-1] - recording.time[0])
+    heave, rate, _ = recording.sampled(np.linspace(0.0, span, max(1000, 2 * len(recording.time))))
+    return float(np.std(heave)), float(np.std(rate))
 
 
 def sea_filter(scenario: Scenario) -> LinearFilter | None:
