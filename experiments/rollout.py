@@ -212,8 +212,8 @@ def _recorded(
         for name, values in states.items():
             values[k + 1] = np.where(counts, info[name], values[k])
         for name, values in steps.items():
-            # What a failure cost, and the command that led to it, stand even in a step that diverged.
-            kept = alive if name.endswith("_cost") or name == "command" else counts
+            # What a failure costs, and the command that led to it, stand even in a step that diverged.
+            kept = alive if name in ("failure_cost", "command") else counts
             values[k] = np.where(kept, info[name], 0.0)
         # A controller that clips its own command to the range is held by it no less than one that does not.
         at_range = counts & (np.abs(info["command"]) >= (1.0 - 1e-6) * scenario.winch.command_range)
