@@ -6,9 +6,9 @@ from pathlib import Path
 
 import numpy as np
 
-from experiments.compare import Contest, Entry, Outcome, _write
 from experiments.metrics import scores, spectrum, window
 from experiments.provenance import provenance
+from experiments.results import Contest, Entry, Outcome, write_contests
 from experiments.rollout import FIRST_TEST_SEED, OUTCOMES, Trajectory
 from heave_env.controller import NoControl
 from heave_env.scenarios import load
@@ -98,5 +98,5 @@ def comparison(folder: Path, n_seas: int = 8) -> Path:
         )
     seeds = range(FIRST_TEST_SEED, FIRST_TEST_SEED + n_seas)
     contest = Contest(scenario, part, outcomes)
-    _write(folder, [contest], seeds, "float64", "lqg", provenance(["compare", "sea_state_5"]))
+    write_contests(folder, [contest], seeds, "float64", "lqg", provenance(["compare", "sea_state_5"]))
     return folder

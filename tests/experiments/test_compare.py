@@ -13,7 +13,6 @@ import pytest
 
 from experiments import report, runs
 from experiments.compare import (
-    RESULT_COLUMNS,
     check_specs,
     compare,
     controller_of,
@@ -21,6 +20,7 @@ from experiments.compare import (
     labels_of,
 )
 from experiments.metrics import METRICS
+from experiments.results import RESULT_COLUMNS
 from experiments.rollout import FIRST_TEST_SEED, rollout
 from heave_env.scenarios import from_mapping, load, with_value
 from tests.experiments.stored import comparison
