@@ -67,15 +67,20 @@ class LinearController:
     command_weight: float | None = None
     """r that the gain was designed with [1/m²]: the task's own, or a larger one (`baselines.tuning`)."""
 
+    model_is_plant: bool = True
+    """Whether the linear model is the plant: no cable, no limits of the winch."""
+
     @property
     def predicted_cost(self) -> float | None:
-        """J by theory on the linear model [-], or None."""
-        return None if self.performance is None else self.performance.cost
+        """J by theory [-]; None where the linear model is not the plant or the sea is calm."""
+        return self.performance.cost if self.performance is not None and self.model_is_plant else None
 
     @property
     def predicted_payload_std(self) -> float | None:
-        """Standard deviation of the payload by theory on the linear model [m], or None."""
-        return None if self.performance is None else self.performance.payload_heave_std
+        """Standard deviation of the payload by theory [m]; None likewise."""
+        if self.performance is None or not self.model_is_plant:
+            return None
+        return self.performance.payload_heave_std
 
     @property
     def n_memory(self) -> int:
@@ -187,6 +192,7 @@ def controller(
         states=states,
         performance=performance,
         command_weight=command_weight,
+        model_is_plant=scenario.is_linear and not scenario.winch.is_limited,
     )
 
 
