@@ -22,7 +22,6 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import solve_continuous_are, solve_discrete_are
 
-from baselines.linear_controller import observation_units
 from baselines.model import MODELLED_CHANNELS, ContinuousModel, LinearModel, linear_model, noise_floor
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
@@ -54,10 +53,6 @@ class KalmanFilter:
         """Of the estimate's error after the measurement (Joseph's form), (n_states, n_states)."""
         rest = np.eye(self.model.n_states) - self.gain @ self.model.C
         return np.asarray(rest @ self.prior_covariance @ rest.T + self.gain @ self.model.V @ self.gain.T)
-
-    def start(self, n_envs: int) -> Array:
-        """Prior estimate of rows that begin: the mean, zero."""
-        return np.zeros((n_envs, self.model.n_states))
 
     def corrected(self, prior: Array, measurement: Array, step: Array) -> Array:
         """Estimate after a measurement.
@@ -180,13 +175,6 @@ def kalman_filter(scenario: Scenario, *, mismatch: float = 1.0) -> KalmanFilter:
     P = filter_covariance(model.A, model.C, model.W, model.V)
     gain = np.asarray(np.linalg.solve(model.C @ P @ model.C.T + model.V, model.C @ P).T)
     return KalmanFilter(model, P, gain)
-
-
-def measurement_of(scenario: Scenario, observation: Array, outputs: tuple[str, ...]) -> Array:
-    """Entries of an observation batch in SI units, (n_envs, n_outputs)."""
-    columns = [scenario.observation_names.index(name) for name in outputs]
-    scale, offset = observation_units(scenario, outputs)
-    return np.asarray(observation[:, columns].astype(float) * scale + offset)
 
 
 def continuous_filter(model: ContinuousModel, C: Array, densities: Array) -> tuple[Array, Array]:

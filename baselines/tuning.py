@@ -68,15 +68,16 @@ def training_cost(scenario: Scenario, controller: LinearController, *, limit: fl
     plant = Plant(scenario, n_envs, show_channels=False)
     plant.begin(np.ones(n_envs, dtype=bool), np.array(TUNING_SEEDS))
     memory, total = None, 0.0
+    running = np.ones(n_envs, dtype=bool)
     for step in range(n_steps):
         action, memory = controller.predict(plant.observation, memory)
         plant.advance(action[:, 0].astype(float))
-        if np.all(plant.outcome == LANDED):
-            break
-        if np.any((plant.outcome == DIVERGED) | (plant.outcome == LOST)):
+        if np.any(running & ((plant.outcome == DIVERGED) | (plant.outcome == LOST))):
             return math.inf
         if step >= first:
-            total -= float(np.mean(plant.reward))
+            total -= float(np.mean(np.where(running, plant.reward, 0.0)))
+        # What has landed is done: what it would do next does not count.
+        running &= plant.outcome != LANDED
         if total > limit * (n_steps - first):
             return math.inf
     return total / (n_steps - first)
