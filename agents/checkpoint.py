@@ -42,7 +42,7 @@ def save_state(folder: Path, arrays: Mapping[str, np.ndarray], content: Mapping[
     """
     folder.mkdir(parents=True, exist_ok=True)
     previous = {path.name for path in folder.glob("arrays-*.safetensors")}
-    packed = save_tensors({name: np.ascontiguousarray(value) for name, value in arrays.items()})
+    packed = save_tensors({name: np.asarray(value, order="C") for name, value in arrays.items()})
     name = f"arrays-{step}.safetensors"
     if name in previous:  # written twice at one step: the standing JSON may name this very file
         name = f"arrays-{step}-again.safetensors"

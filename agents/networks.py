@@ -39,7 +39,8 @@ class WhitenedFeatures(BaseFeaturesExtractor):
         super().__init__(observation_space, len(transform))
         self.bound = bound
         self.transform: torch.Tensor
-        self.register_buffer("transform", torch.as_tensor(transform, dtype=torch.float32))
+        # Contiguous, as it will be when restored: another stride is another order of summation.
+        self.register_buffer("transform", torch.tensor(transform, dtype=torch.float32).contiguous())
 
     def forward(self, observations: torch.Tensor) -> torch.Tensor:
         return torch.clamp(observations @ self.transform.T, -self.bound, self.bound)
@@ -120,6 +121,29 @@ class SkipTd3Policy(TD3Policy):
     def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> Td3Actor:
         kwargs = self._update_features_extractor(self.actor_kwargs, features_extractor)
         return SkipTd3Actor(**kwargs).to(self.device)
+
+
+# Where a training starts -------------------------------------------------------------------------
+
+
+def set_linear_policy(model: BaseAlgorithm, gain: np.ndarray) -> None:
+    """Makes the actor's mean that linear map of the whitened components, (n_observations,)."""
+    output: Any = model.policy.get_submodule(_PARTS[type(model)][1])
+    with torch.no_grad():
+        output.weight *= 0.01
+        output.bias.zero_()
+        output.weight[0, -len(gain) :] = torch.as_tensor(gain, dtype=torch.float32)
+    target: Any = getattr(model, "actor_target", None)
+    if target is not None:
+        target.load_state_dict(model.actor.state_dict())  # type: ignore[attr-defined]
+
+
+def set_exploration(model: SAC, log_std: float) -> None:
+    """Makes that the logarithm of SAC's initial standard deviation, whatever it sees."""
+    layer: Any = model.actor.log_std
+    with torch.no_grad():
+        layer.weight.zero_()
+        layer.bias.fill_(log_std)
 
 
 # What a saved policy holds -----------------------------------------------------------------------

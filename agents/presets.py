@@ -40,7 +40,12 @@ class Preset:
     """Ages of the samples in `sensors_history` [control steps]; null: what the scenario says."""
     reference: str | None = None
     """Designed controller under which the observations' covariance is gathered that whitens the agent's
-    input; null: random commands on the locked winch."""
+    input; null: random commands alone."""
+    warm_start: bool = False
+    """Whether the policy starts as the linear fit of the reference's action to what the agent sees; false:
+    it starts by doing nothing."""
+    excitation: float = 0.05
+    """Deviation of the white noise on the action while that covariance is gathered [command range]."""
     feature_bound: float = 15.0
     """Whitened components are cut off at ± this [-]."""
     hidden: tuple[int, ...]
@@ -59,6 +64,8 @@ class Preset:
     """Steps of the batch over which the reward's running mean and scale forget [-]."""
     reward_bound: float = 2.0
     """Scaled rewards are cut off at ± this [-]."""
+    burn_in: float = 20.0
+    """Time after the beginning of an episode that earns no reward [s]: the start from rest dies out."""
     mean_life: float = 2560.0
     """Control steps that a row stays in one sea on average before it is given a new one [-]."""
     evaluate_every: int = 500_000
@@ -100,7 +107,9 @@ class Preset:
             "evaluation_duration",
         ):
             require_number(self, field, positive=True)
-        require_number(self, "final_learning_rate", non_negative=True)
+        for field in ("final_learning_rate", "burn_in"):
+            require_number(self, field, non_negative=True)
+        require(isinstance(self.warm_start, bool), self, "warm_start", "true or false")
         require_number(self, "gamma", positive=True)
         require(self.gamma < 1.0 or math.isclose(self.gamma, 1.0), self, "gamma", "at most 1")
         for field in ("hidden", "critic_hidden"):

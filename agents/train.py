@@ -20,6 +20,7 @@ import subprocess
 import threading
 import time
 from collections.abc import Iterator, Mapping
+from dataclasses import dataclass
 from datetime import UTC, datetime
 from importlib import metadata
 from pathlib import Path
@@ -52,6 +53,7 @@ RUN_FILE = "run.json"
 STATE_FOLDER = "resume"
 """Where the state to go on from lies while a training is not finished."""
 
+_LARGEST_WEIGHT = 1e9  # beyond it single precision is no longer worth the name
 _SAVE_SHARE = 0.05  # of the wall time may go into saving the state
 _LOG = logging.getLogger(__name__)
 
@@ -162,43 +164,107 @@ def _first_sea(seed: int, n_envs: int) -> int:
     return seed * max(n_envs, 1000)
 
 
-def whitening(scenario: Scenario, reference: str | None, first_sea: int) -> np.ndarray:
-    """Matrix that whitens an agent's observations as they are under a reference controller.
+@dataclass(frozen=True)
+class Groundwork:
+    """What a training starts from: how observations are whitened, and a linear policy on top."""
+
+    transform: np.ndarray
+    """Whitened components are this times an observation, (n_observations, n_observations)."""
+    gain: np.ndarray
+    """Action per whitened component, (n_observations,); zero without a warm start."""
+
+
+def groundwork(scenario: Scenario, settings: Preset, first_sea: int) -> Groundwork:
+    """Whitens an agent's observations as they are under the reference controller, and regresses its action.
 
     Samples of neighbouring instants are nearly equal, and what matters is in their small differences;
-    principal components of unit variance put these on a par with the rest. Components beneath a
-    thousandth of the largest deviation count as that, so that no rounding is blown up.
+    principal components of unit variance put these on a par with the rest. The covariance is gathered
+    with the excitation that exploration will bring: without it, directions that good control never shows
+    would be blown up. Components beneath a thousandth of the largest deviation count as that.
+
+    The warm start is the linear least-squares fit of the reference's action to the whitened components: what
+    of a controller with memory can be had from a finite history, without its model.
 
     Args:
         scenario: As the agent sees it.
-        reference: A designed controller's name, or None for random commands on the locked winch.
+        settings: The preset.
         first_sea: Seed of the first of the seas, training seas.
-
-    Returns:
-        (n_observations, n_observations); components are its product with an observation.
     """
-    n_rows, n_steps = 64, min(scenario.n_steps, 1500)
-    controller = _reference(scenario, reference)
+    controller = _reference(scenario, settings.reference)
+    observations, _ = _excited(scenario, controller, settings.excitation, first_sea)
+    variance, axes = np.linalg.eigh(observations.T @ observations / len(observations))
+    floor = 1e-6 * max(float(variance[-1]), 1e-12)
+    transform = (axes / np.sqrt(np.maximum(variance, floor))).T
+    gain = np.zeros(len(transform))
+    if settings.warm_start and controller is not None:
+        observations, actions = _excited(scenario, controller, 0.2 * settings.excitation, first_sea)
+        components = observations @ transform.T
+        ridge = 1e-6 * len(components) * np.eye(len(transform))
+        gain = np.linalg.solve(components.T @ components + ridge, components.T @ actions)
+        started, idle = (
+            _mean_cost(scenario, _LinearPolicy(matrix), first_sea)
+            for matrix in (transform.T @ gain, np.zeros(len(gain)))
+        )
+        if not started < idle:
+            _LOG.warning(
+                "%s: a linear fit of %s to what the agent sees costs %.3g, doing nothing %.3g: it starts so",
+                scenario.name,
+                settings.reference,
+                started,
+                idle,
+            )
+            gain = np.zeros(len(gain))
+    return Groundwork(transform, gain)
+
+
+@dataclass(frozen=True)
+class _LinearPolicy:
+    """Action as a linear map of the observation."""
+
+    matrix: np.ndarray
+
+    def predict(
+        self,
+        observation: np.ndarray,
+        state: Any | None = None,
+        episode_start: np.ndarray | None = None,
+        deterministic: bool = True,
+    ) -> tuple[np.ndarray, Any | None]:
+        return np.clip(observation @ self.matrix, -1.0, 1.0)[:, None], None
+
+
+def _mean_cost(scenario: Scenario, controller: Controller, first_sea: int) -> float:
+    """Mean stage cost on training seas, their first half left out [-]."""
+    return validation(controller, scenario, n_seas=32, duration=150.0, first_sea=first_sea)["cost_mean"]
+
+
+def _excited(
+    scenario: Scenario, controller: Controller | None, excitation: float, first_sea: int
+) -> tuple[np.ndarray, np.ndarray]:
+    """Observations (n, n_observations) and the controller's actions (n,) while white noise disturbs these.
+
+    Without a controller the noise is slow, and moves the winch.
+    """
+    n_rows, n_steps = 128, min(scenario.n_steps, 1500)
     env = HeaveVectorEnv(scenario, n_rows, info=False, max_episode_steps=n_steps + 1)
     rng = np.random.default_rng(first_sea)
     observation, _ = env.reset(seed=first_sea)
-    memory, command = None, np.zeros((n_rows, 1))
-    moment, count = np.zeros((observation.shape[1],) * 2), 0
+    memory: Any = None
+    wander, action = np.zeros((n_rows, 1)), np.zeros((n_rows, 1))
+    observations, actions = [], []
     for step in range(n_steps):
+        noise = excitation * rng.standard_normal((n_rows, 1))
         if controller is None:
-            command = 0.9 * command + 0.04 * rng.standard_normal((n_rows, 1))
-            action = command
+            wander = 0.9 * wander + noise
+            noise = wander
         else:
             action, memory = controller.predict(observation, memory)
-        observation = env.step(np.clip(action, -1.0, 1.0))[0]
         if step >= n_steps // 4 and step % 5 == 0:
-            rows = observation.astype(np.float64)
-            moment += rows.T @ rows
-            count += n_rows
+            observations.append(observation.astype(np.float64))
+            actions.append(np.array(action[:, 0], dtype=np.float64))
+        observation = env.step(np.clip(action + noise, -1.0, 1.0))[0]
     env.close()
-    variance, axes = np.linalg.eigh(moment / count)
-    floor = 1e-6 * max(float(variance[-1]), 1e-12)
-    return np.asarray((axes / np.sqrt(np.maximum(variance, floor))).T)
+    return np.concatenate(observations), np.concatenate(actions)
 
 
 def _reference(scenario: Scenario, reference: str | None) -> Controller | None:
@@ -217,7 +283,7 @@ def _reference(scenario: Scenario, reference: str | None) -> Controller | None:
 # The algorithm -----------------------------------------------------------------------------------
 
 
-def build_model(settings: Preset, env: ScaledReward, transform: np.ndarray, seed: int) -> BaseAlgorithm:
+def build_model(settings: Preset, env: ScaledReward, ground: Groundwork, seed: int) -> BaseAlgorithm:
     """The preset's algorithm on an environment, with its whitened observation and linear skip.
 
     Raises:
@@ -236,7 +302,7 @@ def build_model(settings: Preset, env: ScaledReward, transform: np.ndarray, seed
         },
         "activation_fn": networks.ACTIVATIONS[settings.activation],
         "features_extractor_class": networks.WhitenedFeatures,
-        "features_extractor_kwargs": {"transform": transform, "bound": settings.feature_bound},
+        "features_extractor_kwargs": {"transform": ground.transform, "bound": settings.feature_bound},
     }
     common: dict[str, Any] = {
         "learning_rate": learning_rate,
@@ -251,14 +317,19 @@ def build_model(settings: Preset, env: ScaledReward, transform: np.ndarray, seed
             if "log_std_init" in options:
                 policy["log_std_init"] = float(options.pop("log_std_init"))
             options["batch_size"] = max(2, settings.n_envs * int(options["n_steps"]) // minibatches)
-            return PPO(networks.SkipActorCriticPolicy, env, **common, **options)
-        if settings.algorithm == "sac":
-            return SAC(networks.SkipSacPolicy, env, **common, **options)
-        noise = float(options.pop("action_noise"))
-        options["action_noise"] = NormalActionNoise(np.zeros(1), np.full(1, noise))
-        return TD3(networks.SkipTd3Policy, env, **common, **options)
+            model: BaseAlgorithm = PPO(networks.SkipActorCriticPolicy, env, **common, **options)
+        elif settings.algorithm == "sac":
+            log_std = float(options.pop("log_std_init"))
+            model = SAC(networks.SkipSacPolicy, env, **common, **options)
+            networks.set_exploration(model, log_std)
+        else:
+            noise = float(options.pop("action_noise"))
+            options["action_noise"] = NormalActionNoise(np.zeros(1), np.full(1, noise))
+            model = TD3(networks.SkipTd3Policy, env, **common, **options)
     except (TypeError, KeyError) as error:
         raise ValueError(f"the preset's options do not fit {settings.algorithm}: {error}") from error
+    networks.set_linear_policy(model, ground.gain)
+    return model
 
 
 # The training ------------------------------------------------------------------------------------
@@ -291,17 +362,18 @@ class _Training:
             self.scenario, settings.n_envs, info=False, autoreset_mode=AutoresetMode.SAME_STEP
         )
         env = ScaledReward(
-            batch, gamma=settings.gamma, horizon=settings.reward_horizon, bound=settings.reward_bound
+            batch,
+            gamma=settings.gamma,
+            horizon=settings.reward_horizon,
+            bound=settings.reward_bound,
+            burn_in=round(settings.burn_in / self.scenario.control_dt),
         )
         if saved is None:
-            transform = whitening(self.scenario, settings.reference, self.first_sea)
-        else:
-            transform = (
-                saved[0]["policy/features_extractor.transform"]
-                if settings.algorithm == "ppo"
-                else (saved[0]["policy/actor.features_extractor.transform"])
-            )
-        model = build_model(settings, env, transform, self.seed)
+            ground = groundwork(self.scenario, settings, self.first_sea)
+        else:  # the weights that are about to be restored hold it
+            n = len(self.scenario.observation_names)
+            ground = Groundwork(np.eye(n), np.zeros(n))
+        model = build_model(settings, env, ground, self.seed)
         env.seed(self.first_sea)
         supervisor = _Supervisor(self, model, batch, env)
         if saved is not None:
@@ -323,9 +395,13 @@ class _Training:
             raise KeyboardInterrupt(
                 f"interrupted at step {model.num_timesteps}; the same command goes on from there"
             ) from None
-        except TrainingFailure as failure:
-            run.update(status="failed", reason=str(failure))
-            raise
+        except (ArithmeticError, RuntimeError, ValueError) as error:
+            # Infinite weights show first in whatever they are put into.
+            failure = error if isinstance(error, TrainingFailure) else supervisor.failure()
+            if failure is None:
+                raise
+            run.update(status="failed", steps=model.num_timesteps, reason=str(failure))
+            raise failure from (None if failure is error else error)
         finally:
             supervisor.close()
             model.logger.close()
@@ -357,6 +433,9 @@ class _Supervisor(BaseCallback):
     # Stable-Baselines3's calls ---------------------------------------------------------------
 
     def _on_training_start(self) -> None:
+        if self.model.num_timesteps == 0:
+            self._settle()
+            self._evaluate(0)
         if self.training.progress:
             from tqdm import tqdm
 
@@ -372,7 +451,7 @@ class _Supervisor(BaseCallback):
     def _on_rollout_start(self) -> None:
         step = self.model.num_timesteps
         if step == 0 or step - self.last["refresh"] >= self.REFRESH_STEPS * self.settings.n_envs:
-            self._check_finite(step)
+            self._check_finite()
             self._record(step)
             self._save_if_due(step)
             self._refresh(step)
@@ -384,13 +463,29 @@ class _Supervisor(BaseCallback):
 
     # What it does ----------------------------------------------------------------------------
 
-    def _check_finite(self, step: int) -> None:
-        finite = all(bool(torch.isfinite(parameter).all()) for parameter in self.model.policy.parameters())
-        if not finite or not np.isfinite(self.env.mean_cost):
-            raise TrainingFailure(
-                f"the training stopped being finite at step {step}; the best policy so far is kept in "
-                f"{str(self.folder)!r}: train with a lower learning_rate"
-            )
+    def failure(self) -> TrainingFailure | None:
+        """What to say if weights or costs are no longer finite, or as good as not."""
+        weights = [parameter.detach().abs().max() for parameter in self.model.policy.parameters()]
+        if all(float(weight) < _LARGEST_WEIGHT for weight in weights) and math.isfinite(self.env.mean_cost):
+            return None
+        return TrainingFailure(
+            f"the training stopped being finite at step {self.model.num_timesteps}; the best policy so far "
+            f"is kept in {str(self.folder)!r}: train with a lower learning_rate"
+        )
+
+    def _check_finite(self) -> None:
+        failure = self.failure()
+        if failure is not None:
+            raise failure
+
+    def _settle(self) -> None:
+        """Lets the starting policy act until the start from rest has died out."""
+        observation = self.model._last_obs
+        assert isinstance(observation, np.ndarray)
+        policy = self._policy(0)
+        for _ in range(self.env.burn_in):
+            observation = np.asarray(self.env.step(policy.predict(observation)[0])[0])
+        self.model._last_obs = observation
 
     def _due(self, what: str, step: int, every: int) -> bool:
         if step // every == self.last[what] // every:
@@ -478,9 +573,10 @@ class _Supervisor(BaseCallback):
     def finish(self) -> None:
         """The last evaluation, and the run's end."""
         step = self.model.num_timesteps
-        self._check_finite(step)
+        self._check_finite()
         self._log(step)
-        self._evaluate(step)
+        if self.evaluations[-1]["step"] != step:
+            self._evaluate(step)
         path = self.folder / "checkpoints" / "policy-final.json"
         path.parent.mkdir(exist_ok=True)
         save_policy(path, self._policy(step))
@@ -545,7 +641,12 @@ class _Supervisor(BaseCallback):
 
 
 def validation(
-    controller: Controller, scenario: Scenario, *, n_seas: int, duration: float
+    controller: Controller,
+    scenario: Scenario,
+    *,
+    n_seas: int,
+    duration: float,
+    first_sea: int = FIRST_VALIDATION_SEED,
 ) -> dict[str, float]:
     """How a controller does on validation seas, the first half of each episode left out.
 
@@ -554,6 +655,7 @@ def validation(
         scenario: With the information set that the controller sees.
         n_seas: Validation seas.
         duration: Length of the episodes, at most the scenario's own [s].
+        first_sea: Seed of the first sea.
 
     Returns:
         Mean, median and largest stage cost over the seas [-], standard deviations of payload heave and
@@ -561,7 +663,7 @@ def validation(
     """
     n_steps = max(2, min(scenario.n_steps, round(duration / scenario.control_dt)))
     env = HeaveVectorEnv(scenario, n_seas, max_episode_steps=n_steps, autoreset_mode=AutoresetMode.DISABLED)
-    observation, _ = env.reset(seed=FIRST_VALIDATION_SEED)
+    observation, _ = env.reset(seed=first_sea)
     memory: Any = None
     running = np.ones(n_seas, dtype=bool)
     cost, heave, command = np.zeros(n_seas), np.zeros(n_seas), np.zeros(n_seas)

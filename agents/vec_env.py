@@ -165,31 +165,43 @@ class ScaledReward(VecEnvWrapper):
     Stable-Baselines3's `VecNormalize`, forgetting added.
     """
 
-    def __init__(self, venv: VecEnv, *, gamma: float, horizon: float = 500.0, bound: float = 2.0) -> None:
+    def __init__(
+        self, venv: VecEnv, *, gamma: float, horizon: float = 500.0, bound: float = 2.0, burn_in: int = 0
+    ) -> None:
         """Wraps a vector environment.
 
         Args:
             venv: The environments.
             gamma: Discount of the sum whose deviation is the scale [-].
             horizon: Steps of the batch over which the statistics forget [-].
-            bound: Scaled rewards are clipped to ± this [-].
+            bound: Scaled rewards are cut off at ± this [-].
+            burn_in: Steps after the beginning of an episode that earn nothing: how fast the start from
+                rest dies out says little about the operation, and costs a thousand times more.
         """
         super().__init__(venv)
-        self.gamma, self.horizon, self.bound = gamma, horizon, bound
-        self._returns = np.zeros(venv.num_envs)
+        self.gamma, self.horizon, self.bound, self.burn_in = gamma, horizon, bound, burn_in
+        self._returns, self._clipped = np.zeros(venv.num_envs), np.zeros(venv.num_envs)
+        self._age = np.zeros(venv.num_envs, dtype=np.int64)
         self._mean, self._variance, self._weight = 0.0, 0.0, 0.0
         self._gathered_cost, self._gathered = 0.0, 0
-        self._clipped = np.zeros(venv.num_envs)
 
     def reset(self) -> Any:
         """Begins an episode in every row; the statistics stay."""
-        self._returns[:] = 0.0
+        self.forget(np.ones(self.num_envs, dtype=bool))
         return self.venv.reset()
 
     def step_wait(self) -> VecEnvStepReturn:
         """Steps, then scales the rewards."""
         observation, reward, done, infos = self.venv.step_wait()
-        raw = np.asarray(reward, dtype=np.float64)
+        counted = self._age >= self.burn_in
+        scaled = np.zeros(self.num_envs, dtype=np.float32)
+        if counted.any():
+            scaled[counted] = self._scaled(np.asarray(reward, dtype=np.float64)[counted], counted)
+        self._age += 1
+        self.forget(done)
+        return observation, scaled, done, infos
+
+    def _scaled(self, raw: np.ndarray, counted: np.ndarray) -> np.ndarray:
         self._gathered_cost -= float(raw.mean())
         self._gathered += 1
         # Debiased exponential averages: exact from the first step on.
@@ -199,19 +211,18 @@ class ScaledReward(VecEnvWrapper):
         usual = np.maximum(raw, -_OUTLIER * float(np.median(np.abs(raw))))
         self._mean += share * (float(usual.mean()) - self._mean)
         centred = raw - self._mean
-        scale = float(np.sqrt(self._variance)) or np.inf
-        kept = np.clip(centred, -self.bound * scale, self.bound * scale)
-        self._clipped += kept > centred
-        self._returns = self.gamma * self._returns + kept
-        squares = self._returns**2
+        limit = self.bound * self.scale if self._variance > 0.0 else np.inf
+        kept = np.clip(centred, -limit, limit)
+        self._clipped[counted] += kept > centred
+        returns = self.gamma * self._returns[counted] + kept
+        self._returns[counted] = returns
+        squares = returns**2
         usual = np.minimum(squares, _OUTLIER * float(np.median(squares)))
         self._variance += share * (float(usual.mean()) - self._variance)
-        self._returns[done] = 0.0
-        scaled = np.clip(kept / np.sqrt(self._variance + 1e-12), -self.bound, self.bound)
-        return observation, scaled.astype(np.float32), done, infos
+        return np.clip(kept / np.sqrt(self._variance + 1e-12), -self.bound, self.bound)
 
     def gathered_cost(self) -> float:
-        """Mean stage cost since this was last asked [-]."""
+        """Mean stage cost since this was last asked, burn-in left out [-]."""
         cost = self._gathered_cost / max(self._gathered, 1)
         self._gathered_cost, self._gathered = 0.0, 0
         return cost
@@ -227,8 +238,9 @@ class ScaledReward(VecEnvWrapper):
         return float(np.sqrt(self._variance))
 
     def forget(self, rows: np.ndarray) -> None:
-        """Begins the discounted sum of some rows anew, (n,) bool: they were given another episode."""
+        """Begins some rows anew, (n,) bool: they were given another episode."""
         self._returns[rows] = 0.0
+        self._age[rows] = 0
 
     def wild_rows(self, n_steps: int) -> np.ndarray:
         """Rows whose reward was cut off in over half of the `n_steps` since last asked, (n,) bool."""
@@ -242,6 +254,7 @@ class ScaledReward(VecEnvWrapper):
         return {
             "returns": self._returns.copy(),
             "clipped": self._clipped.copy(),
+            "age": self._age.copy(),
             "statistics": np.array(numbers),
         }
 
@@ -249,6 +262,7 @@ class ScaledReward(VecEnvWrapper):
         """Takes up what `get_state` gave."""
         self._returns = np.array(state["returns"])
         self._clipped = np.array(state["clipped"])
+        self._age = np.array(state["age"])
         numbers = [float(value) for value in state["statistics"]]
         self._mean, self._variance, self._weight, self._gathered_cost = numbers[:4]
         self._gathered = int(numbers[4])
