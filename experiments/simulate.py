@@ -54,7 +54,11 @@ def with_motion(scenario: Scenario, path: str | Path, duration: float | None = N
         )
     sea = dataclasses.replace(scenario.sea_state, kind="recorded", recording=str(Path(path).resolve()))
     recorded = dataclasses.replace(
-        scenario, sea_state=sea, vessel=None, duration=round(n_steps * scenario.control_dt, 9)
+        scenario,
+        sea_state=sea,
+        vessel=None,
+        start="hanging",
+        duration=round(n_steps * scenario.control_dt, 9),
     )
     return with_duration(recorded, duration)
 
@@ -95,7 +99,10 @@ def simulate(
         scenario = with_motion(scenario, motion, duration)
     # A design, and a policy's scenario, know nothing of how long this one run lasts.
     acting: Controller = NoControl()
-    if controller != "none":
+    if controller == "none":
+        # Without a controller the winch stays at zero, from the first instant on.
+        scenario = dataclasses.replace(scenario, start="hanging")
+    else:
         acting = controller_of(controller, scenario, allow_other_scenario=allow_other_scenario)
     scenario = with_duration(scenario, duration)
     trajectory = rollout(scenario, acting, [seed], progress=progress)

@@ -65,6 +65,7 @@ from heave_env.layout import (
     SHEAVE_RATE_OLD,
     SHEAVE_TENSION,
     SLACK,
+    SPEED_LIMIT,
     STEP_WORK,
     STROKE_LIMIT,
     TENSION_LIMIT,
@@ -75,6 +76,7 @@ from heave_env.layout import (
     WINCH_OLD,
     WINCH_POWER,
     WINCH_RATE,
+    WINCH_RATE_CONSTANT,
     WINCH_RATE_START,
 )
 from heave_env.sensors import OBSERVATION_BOUND
@@ -122,8 +124,9 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     AT_SENSORS,
     AT_RECORDING,
     HAS_PAY_OUT,
+    BEGINS_COMPENSATED,
     N_CONFIGURATION,
-) = range(29)
+) = range(30)
 # Behind these follow, sensor by sensor, channel row and delay, and then the history lags.
 
 # Whole-number state of a row.
@@ -510,7 +513,7 @@ def _make(n_lanes: int, fingerprint: int):
                 row = block * n_lanes + lane
                 action = real(actions[row]) if row < n_envs else zero
                 clipped = min(max(action, -one), one)
-                S[SATURATED, lane] = one if clipped != action else zero
+                S[SATURATED, lane] = one if abs(action) >= one else zero
                 S[COMMAND, lane] = clipped * S[COMMAND_RANGE, lane]
                 S[newest, lane] = S[COMMAND, lane]
                 S[OLD_BOOM_TIP, lane] = S[BOOM_TIP_HEAVE, lane]
@@ -556,7 +559,8 @@ def _make(n_lanes: int, fingerprint: int):
 
     @njit(cache=True, nogil=True, error_model="numpy")
     def begin(state, counters, cfg, tables, control_dt, position, mask, observation, channels):
-        """Begins a new episode in the masked rows: the sea stationary, cable and payload hanging still.
+        """Begins a new episode in the masked rows: the sea stationary, cable and payload hanging still,
+        the winch at rest or in the middle of compensating.
 
         The seeds and episodes must stand in `counters`; `position` is where the rings stand now.
         """
@@ -587,20 +591,27 @@ def _make(n_lanes: int, fingerprint: int):
             S[BOOM_TIP_HEAVE, lane] = S[NEW_BOOM_TIP, lane]
             S[BOOM_TIP_HEAVE_RATE, lane] = S[NEW_BOOM_TIP_RATE, lane]
             S[PAYOUT_RATE, lane] = zero
+            command = zero
+            if cfg[BEGINS_COMPENSATED] == 1:
+                reach = min(S[STROKE_LIMIT, lane], S[COMMAND_RANGE, lane])
+                fastest, most = S[SPEED_LIMIT, lane], S[COMMAND_RANGE, lane]
+                S[WINCH_DISPLACEMENT, lane] = max(min(-S[BOOM_TIP_HEAVE, lane], reach), -reach)
+                S[WINCH_RATE, lane] = max(min(-S[BOOM_TIP_HEAVE_RATE, lane], fastest), -fastest)
+                # The command that gives the lag this rate, as if it had been given all along.
+                wanted = S[WINCH_DISPLACEMENT, lane] + S[WINCH_RATE, lane] / S[WINCH_RATE_CONSTANT, lane]
+                command = max(min(wanted, most), -most)
             if cfg[IS_LINEAR] == 1:
-                S[PAYLOAD_HEAVE, lane] = S[BOOM_TIP_HEAVE, lane]
+                S[PAYLOAD_HEAVE, lane] = S[BOOM_TIP_HEAVE, lane] + S[WINCH_DISPLACEMENT, lane]
             else:
-                S[LENGTH, lane] = S[INITIAL_LENGTH, lane]
+                S[LENGTH, lane] = S[INITIAL_LENGTH, lane] - S[WINCH_DISPLACEMENT, lane]
                 hang_still(S, lane, cfg[ROW_NODES], cfg[N_ELEMENTS], -S[BOOM_TIP_HEAVE, lane])
                 _show_cable(S, cfg, lane, lane + 1)
-                S[SHEAVE_TENSION, lane] = (
-                    S[PAYLOAD_WEIGHT, lane] + S[CABLE_WEIGHT, lane] * S[INITIAL_LENGTH, lane]
-                )
+                S[SHEAVE_TENSION, lane] = S[PAYLOAD_WEIGHT, lane] + S[CABLE_WEIGHT, lane] * S[LENGTH, lane]
                 S[PAYLOAD_TENSION, lane] = S[PAYLOAD_WEIGHT, lane]
                 S[TENSION_MIN, lane] = S[PAYLOAD_TENSION, lane]
                 S[TENSION_MAX, lane] = S[SHEAVE_TENSION, lane]
             for i in range(cfg[N_PENDING] + 1):
-                S[cfg[ROW_COMMANDS] + i, lane] = zero
+                S[cfg[ROW_COMMANDS] + i, lane] = command
             # Before the episode the sensors are taken to have read what they read now.
             _measure(S, I, cfg, tables, position, lane, lane + 1)
             n = cfg[N_SENSORS]

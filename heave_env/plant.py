@@ -171,6 +171,7 @@ class Plant:
         cfg[k.SHOWN_FILTER_STATES] = scenario.observed_filter_states
         cfg[k.N_STEPS] = self.n_steps
         cfg[k.HAS_PAY_OUT] = scenario.pay_out.speed != 0.0
+        cfg[k.BEGINS_COMPENSATED] = scenario.start == "compensated"
         row = rows.N_FIXED
         for key, count in (
             (k.ROW_FILTER, 2 * n_filter + 4 * -(-n_filter // 4)),

@@ -42,6 +42,7 @@ from heave_env.sensors import CHANNELS, INFORMATION_SETS, Sensor
 from heave_env.task import Task
 from heave_env.vessel import boom_tip_lines
 
+STARTS = ("hanging", "compensated")
 DEFAULT_HISTORY_LAGS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
 """Control steps back whose measurements `sensors_history` holds."""
 
@@ -74,6 +75,9 @@ class Scenario:
     """Elements of the cable [-]."""
     n_iterations: int = 1
     """Newton iterations of each solver step [-]; slack wants 6."""
+    start: str = "hanging"
+    """Where an episode begins, the payload at rest: `hanging` from the boom tip as it is, the winch at
+    zero, or `compensated`, the winch holding the payload at its still-water position."""
     length: float | None = None
     """Unstretched cable outboard at the start, sheave to payload [m]; null for a linear payload."""
     sea_state: SeaState
@@ -110,6 +114,7 @@ class Scenario:
         require_integer(self, "n_substeps", minimum=1)
         require_integer(self, "n_elements", minimum=1)
         require_integer(self, "n_iterations", minimum=1)
+        require(self.start in STARTS, self, "start", f"one of {', '.join(STARTS)}")
         for part, step, step_name in (
             ("duration", self.control_dt, "control_dt"),
             ("winch.command_delay", self.solver_dt, "the solver's step, control_dt / n_substeps"),
@@ -686,6 +691,7 @@ def thesis_regulator() -> Scenario:
     """
     return Scenario(
         name="unnamed",
+        start="compensated",
         sea_state=_thesis_boom_tip(),
         winch=Winch(time_constant=1.0, command_range=16.0),
         linear_payload=LinearPayload(inertia=7.339769, damping=0.1906759),
@@ -711,6 +717,7 @@ def thesis_cable() -> Scenario:
     """
     return Scenario(
         name="unnamed",
+        start="compensated",
         sea_state=_thesis_boom_tip(),
         winch=Winch(time_constant=1.0, command_range=16.0),
         sensors=_exact_thesis_sensors(),
@@ -726,6 +733,7 @@ def sea_state_5() -> Scenario:
     """
     return Scenario(
         name="unnamed",
+        start="compensated",
         sea_state=_thesis_sea(),
         vessel=_thesis_vessel(),
         winch=Winch(time_constant=1.0, command_range=2.0, command_delay=0.2),
@@ -742,6 +750,7 @@ def lowering() -> Scenario:
     """
     return Scenario(
         name="unnamed",
+        start="compensated",
         n_substeps=5,
         n_iterations=6,
         sea_state=SeaState(significant_wave_height=2.5, peak_omega=0.838),
@@ -807,6 +816,7 @@ def deep_resonance() -> Scenario:
     """A 12 t package at 2000 m whose cable resonates at 11 s, inside the wave band."""
     return Scenario(
         name="unnamed",
+        start="compensated",
         n_iterations=6,
         sea_state=SeaState(significant_wave_height=2.0, peak_omega=0.6),
         vessel=Vessel(natural_omega=0.8, damping_ratio=0.5, gain=0.6),

@@ -253,3 +253,30 @@ def test_payload_response_of_a_massless_cable_is_the_spring():
     k = spring.axial_stiffness / snap.length
     exact = 1.0 / (1.0 - snap.payload.inertia * omega**2 / k)
     assert payload_response(omega, spring, snap.payload, snap.length).real == pytest.approx(exact, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["thesis_regulator", "sea_state_5"])
+def test_compensated_start_holds_the_payload_at_its_still_water_position(name):
+    scenario = load(name)
+    assert scenario.start == "compensated"
+    start = {key: value[0] for key, value in simulate(scenario, seeds=range(50), duration=1.0).items()}
+    assert start["winch_displacement"] == pytest.approx(-start["boom_tip_heave"], abs=1e-12)
+    assert start["winch_rate"] == pytest.approx(-start["boom_tip_heave_rate"], abs=1e-12)
+    # A cable longer or shorter by the winch's displacement stretches otherwise by a trace.
+    assert np.abs(start["payload_heave"]).max() < 0.02 * np.abs(start["boom_tip_heave"]).max()
+
+
+def test_hanging_start_moves_the_payload_with_the_boom_tip():
+    scenario = with_value(load("sea_state_5"), "start", "hanging")
+    start = {key: value[0] for key, value in simulate(scenario, seeds=range(50), duration=1.0).items()}
+    assert start["payload_heave"] == pytest.approx(start["boom_tip_heave"], abs=1e-12)
+    assert np.all(start["winch_displacement"] == 0.0)
+
+
+def test_winch_that_was_compensating_goes_on_as_its_lag_says():
+    # The pending commands are those that gave the winch its rate: with 0.2 s of delay nothing new
+    # arrives before then.
+    scenario = load("sea_state_5")
+    record = simulate(scenario, seeds=[3], duration=1.0)
+    u, rate = record["winch_displacement"][:3, 0], record["winch_rate"][0, 0]
+    assert u == pytest.approx(u[0] + rate * (1.0 - np.exp(-0.1 * np.arange(3))), abs=1e-12)
