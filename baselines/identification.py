@@ -216,7 +216,7 @@ def first_guess(scenario: Scenario) -> tuple[float, float]:
 
 
 def identification_scenario(scenario: Scenario) -> Scenario:
-    """The scenario's cable at its initial length under its sea, taut and from rest: winch locked, no pay-out, no limits.
+    """The cable at its initial length under its sea, taut and from rest: winch locked, no pay-out, no limits.
 
     A recorded motion is replaced by the sea that stands for it in a design, a calm one by `CALM_SEA`.
     """
