@@ -9,7 +9,7 @@ they are no outputs of the filter and have no covariance.
 
 The sea's slow states take minutes to settle in a stationary filter. It therefore begins with the gains that
 are optimal from the first instant of an episode, whose distribution is known (the sea stationary, the payload
-hanging still), and goes over to the stationary gain.
+where the scenario starts it), and goes over to the stationary gain.
 
 Source: Kalman (1960); Franklin, Powell and Workman (1998), current estimator; Huang (1992), 6.3.4.
 """

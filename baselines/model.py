@@ -251,8 +251,9 @@ class LinearModel:
     thesis_sizes: Array
     """One unit of each state in the thesis's coordinates, (n_states,)."""
     start_covariance: Array
-    """Covariance of the state when an episode begins: the sea stationary, the payload hanging still below
-    the boom tip, the winch at zero, (n_states, n_states)."""
+    """Covariance of the state when an episode begins, the sea stationary, (n_states, n_states): the payload
+    hangs still below the boom tip and the winch is at zero, or it is at zero and the winch against the boom
+    tip, as `Scenario.start` says."""
 
     @property
     def n_states(self) -> int:
@@ -366,9 +367,15 @@ def linear_model(
     sizes = np.concatenate([np.ones(3 + n_pending), continuous.thesis_sizes[3:]])
     start = np.zeros_like(A)
     if waves is not None:
-        # Hanging still: the payload stands where the boom tip is.
         still = np.zeros((len(A), waves.n_states))
-        still[0], still[-waves.n_states :] = waves.C[0], np.eye(waves.n_states)
+        still[-waves.n_states :] = np.eye(waves.n_states)
+        if scenario.start == "compensated":
+            # The winch is where the boom tip is not, and the commands under way have kept it moving there.
+            still[2] = -waves.C[0]
+            still[3 : 3 + n_pending] = -(waves.C[0] + waves.C[1] * scenario.winch.time_constant)
+        else:
+            # Hanging still: the payload stands where the boom tip is.
+            still[0] = waves.C[0]
         start = still @ waves.covariance @ still.T
     model = LinearModel(A, B, np.zeros((0, len(A))), W, np.zeros((0, 0)), states, (), sizes, start)
     return _with_outputs(scenario, model, waves)

@@ -17,6 +17,7 @@ from baselines.model import (
     regulator_matrices,
     sea_filter,
 )
+from heave_env.env import HeaveVectorEnv
 from heave_env.parameters import LinearPayload, SeaState
 from heave_env.scenarios import load, with_value
 from heave_env.sensors import Sensor
@@ -138,3 +139,21 @@ def test_a_calm_sea_cannot_be_modelled_and_the_sentence_says_what_to_do():
     assert sea_filter(calm) is None
     with pytest.raises(ValueError, match=r"calm sea.*lqr"):
         linear_model(calm)
+
+
+@pytest.mark.parametrize("start", ["hanging", "compensated"])
+def test_start_covariance_is_that_of_the_environments_starts(start):
+    scenario = with_value(with_value(load("thesis_linear"), "winch.command_delay", 0.2), "start", start)
+    model = linear_model(scenario)
+    env = HeaveVectorEnv(scenario, 4000)
+    observation, info = env.reset(seed=0)
+    pending = observation[:, scenario.observation_names.index("pending_command_1")]
+    seen = {
+        "payload_heave": info["payload_heave"],
+        "winch_displacement": info["winch_displacement"],
+        "pending_command_1": pending * scenario.winch.command_range,
+    }
+    for name, values in seen.items():
+        i = model.states.index(name)
+        # The standard error of a deviation of 4000 samples is 1.1 %.
+        assert np.std(values) == pytest.approx(np.sqrt(model.start_covariance[i, i]), rel=0.04, abs=1e-9)
