@@ -257,7 +257,7 @@ def load_policy(
         raise ValueError(
             f"policy {str(path)!r} lacks or misnames {error}; it is of another format"
         ) from error
-    if scenario is None or seen_by(policy, scenario).fingerprint == policy.scenario.fingerprint:
+    if scenario is None or _same_operation(seen_by(policy, scenario), policy.scenario):
         return policy
     if not allow_other_scenario:
         raise ValueError(
@@ -275,6 +275,15 @@ def seen_by(policy: TrainedPolicy, scenario: Scenario) -> Scenario:
         information_set=policy.scenario.information_set,
         history_lags=policy.scenario.history_lags,
     )
+
+
+def _same_operation(one: Scenario, other: Scenario) -> bool:
+    """Whether two scenarios differ at most in name and in the length of their episodes."""
+    mappings = [to_mapping(scenario) for scenario in (one, other)]
+    for mapping in mappings:
+        for label in ("name", "description", "tags", "duration"):
+            mapping.pop(label)
+    return mappings[0] == mappings[1]
 
 
 def _read_content(path: Path) -> dict[str, Any]:

@@ -154,6 +154,12 @@ def _info_rows(info: dict[str, Any], n_rows: int) -> list[dict[str, Any]]:
 _OUTLIER = 20.0  # times the median; a squared Gaussian is beyond once in 400 draws
 
 
+def _middle(values: np.ndarray) -> float:
+    """The median, the upper of the two for an even number; several times faster than `np.median`."""
+    half = len(values) // 2
+    return float(np.partition(values, half)[half])
+
+
 class ScaledReward(VecEnvWrapper):
     """Rewards less their running mean, over the running deviation of their discounted sum.
 
@@ -193,33 +199,41 @@ class ScaledReward(VecEnvWrapper):
     def step_wait(self) -> VecEnvStepReturn:
         """Steps, then scales the rewards."""
         observation, reward, done, infos = self.venv.step_wait()
+        raw = np.asarray(reward, dtype=np.float64)
         counted = self._age >= self.burn_in
-        scaled = np.zeros(self.num_envs, dtype=np.float32)
-        if counted.any():
-            scaled[counted] = self._scaled(np.asarray(reward, dtype=np.float64)[counted], counted)
+        if counted.all():
+            scaled = self._scaled(raw, slice(None))
+        else:
+            scaled = np.zeros(self.num_envs)
+            rows = np.flatnonzero(counted)
+            if len(rows):
+                scaled[rows] = self._scaled(raw[rows], rows)
         self._age += 1
-        self.forget(done)
-        return observation, scaled, done, infos
+        if done.any():
+            self.forget(done)
+        return observation, scaled.astype(np.float32), done, infos
 
-    def _scaled(self, raw: np.ndarray, counted: np.ndarray) -> np.ndarray:
-        self._gathered_cost -= float(raw.mean())
+    def _scaled(self, raw: np.ndarray, rows: np.ndarray | slice) -> np.ndarray:
+        n = len(raw)
+        self._gathered_cost -= float(raw.sum()) / n
         self._gathered += 1
         # Debiased exponential averages: exact from the first step on.
         self._weight += (1.0 - self._weight) / self.horizon
         share = 1.0 / (self.horizon * self._weight)
         # A row that has run wild must neither set the scale for the others nor rule the critic.
-        usual = np.maximum(raw, -_OUTLIER * float(np.median(np.abs(raw))))
-        self._mean += share * (float(usual.mean()) - self._mean)
+        usual = np.maximum(raw, -_OUTLIER * _middle(np.abs(raw)))
+        self._mean += share * (float(usual.sum()) / n - self._mean)
         centred = raw - self._mean
         limit = self.bound * self.scale if self._variance > 0.0 else np.inf
-        kept = np.clip(centred, -limit, limit)
-        self._clipped[counted] += kept > centred
-        returns = self.gamma * self._returns[counted] + kept
-        self._returns[counted] = returns
-        squares = returns**2
-        usual = np.minimum(squares, _OUTLIER * float(np.median(squares)))
-        self._variance += share * (float(usual.mean()) - self._variance)
-        return np.clip(kept / np.sqrt(self._variance + 1e-12), -self.bound, self.bound)
+        kept = np.minimum(np.maximum(centred, -limit), limit)
+        self._clipped[rows] += kept > centred
+        returns = self.gamma * self._returns[rows] + kept
+        self._returns[rows] = returns
+        squares = returns * returns
+        usual = np.minimum(squares, _OUTLIER * _middle(squares))
+        self._variance += share * (float(usual.sum()) / n - self._variance)
+        kept /= (self._variance + 1e-12) ** 0.5
+        return np.minimum(np.maximum(kept, -self.bound), self.bound)
 
     def gathered_cost(self) -> float:
         """Mean stage cost since this was last asked, burn-in left out [-]."""
@@ -235,7 +249,7 @@ class ScaledReward(VecEnvWrapper):
     @property
     def scale(self) -> float:
         """What rewards are divided by [-]."""
-        return float(np.sqrt(self._variance))
+        return float(self._variance**0.5)
 
     def forget(self, rows: np.ndarray) -> None:
         """Begins some rows anew, (n,) bool: they were given another episode."""

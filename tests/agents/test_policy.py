@@ -146,6 +146,11 @@ def test_the_information_set_of_the_caller_does_not_matter(saved):
     assert seen_by(policy, full).information_set == "sensors"
 
 
+def test_the_length_of_an_episode_and_a_new_name_do_not_matter(saved):
+    longer = dataclasses.replace(SCENARIO, duration=800.0, name="mine")
+    assert load_policy(saved, longer).predict(observations())[0].shape == (40, 1)
+
+
 def test_in_another_scenario_a_policy_reads_and_commands_the_same_si_values(saved):
     policy = load_policy(saved)
     other = scenarios.with_value(SCENARIO, "sea_state.significant_wave_height", 4.0)
