@@ -60,6 +60,9 @@ class Preset:
     """At the end, reached linearly [-]."""
     gamma: float
     """Discount per control step [-]."""
+    critic_first: int = 0
+    """Environment steps in which the actor stands still while the critic learns, SAC and TD3 alone [-]: an
+    untrained critic would undo a warm start."""
     reward_horizon: float = 500.0
     """Steps of the batch over which the reward's running mean and scale forget [-]."""
     reward_bound: float = 2.0

@@ -34,6 +34,7 @@ from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from agents import checkpoint, networks
 from agents.policy import TrainedPolicy, policy_card, save_policy, write_atomic
@@ -52,7 +53,6 @@ RUN_FILE = "run.json"
 """What describes a run, in its folder."""
 STATE_FOLDER = "resume"
 """Where the state to go on from lies while a training is not finished."""
-
 _LARGEST_WEIGHT = 1e9  # beyond it single precision is no longer worth the name
 _SAVE_SHARE = 0.05  # of the wall time may go into saving the state
 _LOG = logging.getLogger(__name__)
@@ -455,6 +455,7 @@ class _Supervisor(BaseCallback):
             self._record(step)
             self._save_if_due(step)
             self._refresh(step)
+            self._hold_actor(step)
         elif self.interrupted.is_set():
             self._save_if_due(step)
 
@@ -556,6 +557,11 @@ class _Supervisor(BaseCallback):
         writer.writerows(self.evaluations)
         write_atomic(self.folder / "evaluations.csv", text.getvalue().encode())
 
+    def _hold_actor(self, step: int) -> None:
+        """Lets the critic of SAC and TD3 learn alone at first."""
+        if not isinstance(self.model, OnPolicyAlgorithm):
+            self.model.policy.actor.requires_grad_(step >= self.settings.critic_first)
+
     def _refresh(self, step: int) -> None:
         elapsed = (step - self.last["refresh"]) // self.settings.n_envs
         self.last["refresh"] = step
@@ -631,6 +637,7 @@ class _Supervisor(BaseCallback):
         self.env.set_state(checkpoint.under(arrays, "reward/"))
         self.evaluations = list(content["evaluations"])
         self.last = dict(content["last"])
+        self._hold_actor(self.last["refresh"])
         self.wall = float(content["wall"])
         self.curve.rows = list(content["curve"])
         if "best_card" in content:

@@ -47,7 +47,12 @@ QUICK = {
     "log_every": 256,
 }
 PPO = {**QUICK, "total_steps": 1536, "learning_rate": 1e-3, "options": {"n_steps": 32, "n_minibatches": 2}}
-OFF = {**QUICK, "total_steps": 768, "options": {"batch_size": 16, "train_freq": 8, "gradient_steps": 2}}
+OFF = {
+    **QUICK,
+    "total_steps": 768,
+    "critic_first": 256,
+    "options": {"batch_size": 16, "train_freq": 8, "gradient_steps": 2},
+}
 SMALL = {"ppo": PPO, "sac": OFF, "td3": OFF}
 
 
