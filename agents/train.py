@@ -17,6 +17,7 @@ import logging
 import math
 import signal
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping
@@ -88,7 +89,7 @@ def train(
         out: Run folder; `runs/SCENARIO-ALGORITHM-SEED` if not given.
         preset: Settings on top of the preset, or a YAML file of them.
         n_envs: Environments in the batch; the preset's if not given.
-        progress: Whether to draw a progress bar on stderr.
+        progress: Whether to draw a progress bar, and say what is skipped, on stderr.
         torch_threads: Threads of torch; only one is reproducible to the bit.
         save_every: Seconds between saves of the state to go on from.
 
@@ -118,7 +119,8 @@ def train(
     with _sole_user(folder):
         run = _Run.opened(folder, identity)
         if run.content["status"] == "finished":
-            _LOG.info("%s is finished already", folder)
+            if progress:
+                print(f"{folder}: this training is finished already", file=sys.stderr)
             return folder
         threads = torch.get_num_threads()
         torch.set_num_threads(torch_threads)
@@ -724,9 +726,8 @@ class _Run:
                 raise ValueError(
                     f"{str(folder)!r} holds files but no run ({min(strangers)!r}, ...): choose another folder"
                 )
-            run = cls(folder, {**identity, "status": "running", "steps": 0, "wall_s": 0.0, **_origin()})
-            run.update()
-            return run
+            # Written once the training stands: settings that do not work leave no run behind.
+            return cls(folder, {**identity, "status": "new", "steps": 0, "wall_s": 0.0, **_origin()})
         try:
             content = json.loads(path.read_text(encoding="utf-8"))
         except (OSError, ValueError) as error:

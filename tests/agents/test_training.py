@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import json
 import os
 import pickle
@@ -24,8 +25,9 @@ from stable_baselines3.common.vec_env import VecMonitor
 from agents import checkpoint, networks
 from agents.policy import load_policy, policy_card
 from agents.presets import load_preset
-from agents.train import Groundwork, TrainingFailure, build_model, train, validation
+from agents.train import Groundwork, TrainingFailure, build_model, groundwork, train, validation
 from agents.vec_env import HeaveVecEnv, ScaledReward
+from baselines import design
 from heave_env import scenarios
 from heave_env.controller import NoControl
 
@@ -229,12 +231,13 @@ def test_a_damaged_state_is_refused(tmp_path, monkeypatch, damage):
         trained(folder)
 
 
-def test_a_finished_training_is_left_alone(tmp_path):
+def test_a_finished_training_is_left_alone(tmp_path, capsys):
     folder = trained(tmp_path / "run")
     before = {
         path: path.stat().st_mtime_ns for path in folder.rglob("*") if path.is_file() and path.name != ".lock"
     }
-    assert trained(folder) == folder
+    assert train(SCENARIO, seed=1, out=folder, preset=PPO) == folder
+    assert "finished already" in capsys.readouterr().err
     assert before == {path: path.stat().st_mtime_ns for path in before}
 
 
@@ -298,9 +301,48 @@ def test_bad_arguments_are_refused(tmp_path):
         train(SCENARIO, seed=-1, out=tmp_path / "run")
     with pytest.raises(ValueError, match="do not fit ppo"):
         trained(tmp_path / "run", options={"n_step": 3})
+    trained(tmp_path / "run")  # the mistake left no run behind
 
 
 # Learning ----------------------------------------------------------------------------------------
+
+
+def seen(name: str, **changes):
+    scenario = dataclasses.replace(scenarios.load(name), information_set="sensors_history")
+    return scenario, load_preset("ppo", scenario, {"reference": "lqg", "warm_start": True, **changes})
+
+
+def test_a_warm_start_holds_what_history_tells_of_a_controller_with_memory():
+    scenario, settings = seen("thesis_regulator", n_envs=2, options={"n_minibatches": 1})
+    ground = groundwork(scenario, settings, first_sea=0)
+    env = ScaledReward(HeaveVecEnv(scenario, 2, info=False), gamma=0.98)
+    start = networks.exported(
+        build_model(settings, env, ground, seed=0), policy_card(scenario, algorithm="ppo")
+    )
+    scored = {"n_seas": 16, "duration": 100.0}
+    cost, best = (
+        validation(controller, scenario, **scored)["cost_mean"]
+        for controller in (start, design("lqg", scenario))
+    )
+    assert cost < 1.1 * best
+
+
+def test_a_warm_start_that_would_do_harm_is_left_out(caplog):
+    # Payload sensors alone, and noisy: the reference leans on commands that the agent does not see.
+    scenario, settings = seen("thesis_linear")
+    ground = groundwork(scenario, settings, first_sea=0)
+    assert not np.any(ground.gain)
+    assert "doing nothing" in caplog.text
+
+
+def test_whitened_observations_are_white():
+    scenario, settings = seen("thesis_regulator", warm_start=False, excitation=0.1)
+    ground = groundwork(scenario, settings, first_sea=0)
+    n = len(scenario.observation_names)
+    assert ground.transform.shape == (n, n)
+    # Components are orthogonal, and of unit variance down to the floor.
+    metric = ground.transform @ ground.transform.T
+    assert np.abs(metric - np.diag(np.diag(metric))).max() < 1e-8 * np.abs(metric).max()
 
 
 @pytest.mark.training
