@@ -16,14 +16,12 @@ import json
 import logging
 import math
 import signal
-import subprocess
 import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 from datetime import UTC, datetime
-from importlib import metadata
 from pathlib import Path
 from typing import Any
 
@@ -44,6 +42,7 @@ from agents.vec_env import HeaveVecEnv, ScaledReward
 from heave_env import scenarios
 from heave_env.controller import Controller
 from heave_env.env import HeaveVectorEnv
+from heave_env.provenance import commit, versions
 from heave_env.scenarios import Scenario
 
 TRAINING_SEEDS = 10_000_000
@@ -801,23 +800,7 @@ def _now() -> str:
 
 def _origin() -> dict[str, Any]:
     """When, by which versions and from which commit a run was started."""
-    versions = {}
-    for name in ("heave-env", "numpy", "numba", "gymnasium", "stable-baselines3", "torch"):
-        with contextlib.suppress(metadata.PackageNotFoundError):
-            versions[name] = metadata.version(name)
-    root = Path(__file__).resolve().parent.parent
-    commit = None
-    if (root / ".git").exists():
-        with contextlib.suppress(OSError, subprocess.SubprocessError):
-            done = subprocess.run(
-                ["git", "-C", str(root), "rev-parse", "HEAD"],
-                capture_output=True,
-                text=True,
-                timeout=10,
-                check=True,
-            )
-            commit = done.stdout.strip()
-    return {"started": _now(), "versions": versions, "commit": commit}
+    return {"started": _now(), "versions": dict(versions()), "commit": commit()}
 
 
 class _CurveFile(KVWriter):

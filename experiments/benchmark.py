@@ -18,7 +18,7 @@ from typing import Any
 
 import numpy as np
 
-from experiments.provenance import provenance
+from heave_env.provenance import provenance
 from heave_env.scenarios import Scenario, load
 
 SCENARIO = "sea_state_5"

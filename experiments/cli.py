@@ -498,7 +498,7 @@ def _report(options: argparse.Namespace) -> None:
 
 def _identify(options: argparse.Namespace) -> None:
     from baselines.identification import identified
-    from experiments.provenance import commit
+    from heave_env.provenance import commit
 
     scenario = scenario_of(options.scenario, options.settings)
     fit = identified(scenario, nonlinear=options.nonlinear)

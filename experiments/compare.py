@@ -21,10 +21,10 @@ from experiments.metrics import (
     spectrum,
     window,
 )
-from experiments.provenance import provenance
 from experiments.results import Contest, Entry, Outcome, write_contests
 from experiments.rollout import FIRST_TEST_SEED, Trajectory, batches, rollout, with_duration
 from heave_env.controller import Controller, NoControl
+from heave_env.provenance import provenance
 from heave_env.scenarios import Scenario
 
 Array = np.ndarray

@@ -215,9 +215,6 @@ def _recorded(
             # What a failure costs, and the command that led to it, stand even in a step that diverged.
             kept = alive if name in ("failure_cost", "command") else counts
             values[k] = np.where(kept, info[name], 0.0)
-        # A controller that clips its own command to the range is held by it no less than one that does not.
-        at_range = counts & (np.abs(info["command"]) >= (1.0 - 1e-6) * scenario.winch.command_range)
-        steps["saturated"][k] = np.maximum(steps["saturated"][k], at_range)
         for name, rows in ended.items():
             outcomes[name] |= rows
         # The row that ended is reset in the next step, which ignores its action.

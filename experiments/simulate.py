@@ -10,9 +10,9 @@ from pathlib import Path
 
 from experiments import runs
 from experiments.compare import controller_of
-from experiments.provenance import provenance
 from experiments.rollout import FIRST_TEST_SEED, Trajectory, rollout, with_duration
 from heave_env.controller import Controller, NoControl
+from heave_env.provenance import provenance
 from heave_env.scenarios import Scenario, to_mapping
 from heave_env.sea import read_motion
 

@@ -7,10 +7,10 @@ from pathlib import Path
 import numpy as np
 
 from experiments.metrics import scores, spectrum, window
-from experiments.provenance import provenance
 from experiments.results import Contest, Entry, Outcome, write_contests
 from experiments.rollout import FIRST_TEST_SEED, OUTCOMES, Trajectory
 from heave_env.controller import NoControl
+from heave_env.provenance import provenance
 from heave_env.scenarios import load
 
 DT = 0.1
