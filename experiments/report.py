@@ -18,11 +18,15 @@ DASH = "–"
 TEMPLATES = Path(__file__).parent / "templates"
 
 
+NOTHING = 1e-12
+"""Smaller numbers are what a decaying lag leaves of zero; no quantity of the page, in its unit, is so small."""
+
+
 def significant(value: float | None, digits: int = 3) -> str:
     """A number to so many significant digits, without needless exponents."""
     if value is None or not math.isfinite(value):
         return DASH
-    if value == 0.0:
+    if abs(value) < NOTHING:
         return "0"
     exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
     if exponent < -3 or exponent > 6:
@@ -47,7 +51,7 @@ def with_interval(found: dict[str, Any] | None, factor: float = 1.0) -> str:
     if low is None or high is None:
         return significant(factor * mean)
     half = abs(0.5 * factor * (high - low))
-    if half == 0.0:
+    if half < NOTHING:
         return significant(factor * mean)
     if factor * abs(mean) >= 1e6 or half < 1e-5:
         return f"{significant(factor * mean)} ± {significant(half, 2)}"

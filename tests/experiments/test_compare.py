@@ -324,6 +324,7 @@ def test_broken_folders_are_refused_with_a_sentence(tmp_path):
     ("number", "text"),
     [
         (0.0, "0"),
+        (4.3e-46, "0"),
         (1234.5, "1 230"),
         (0.0123456, "0.0123"),
         (2.96e-4, "2.96·10^−4"),
