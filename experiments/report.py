@@ -19,7 +19,7 @@ TEMPLATES = Path(__file__).parent / "templates"
 
 
 NOTHING = 1e-12
-"""Smaller numbers are what a decaying lag leaves of zero; no quantity of the page, in its unit, is so small."""
+"""Smaller numbers are what a decaying lag leaves of zero; nothing on the page is so small in its unit."""
 
 
 def significant(value: float | None, digits: int = 3) -> str:

@@ -146,17 +146,15 @@ _NOISE = SCRATCH + 6  # four rows
 
 
 @stage
-def _draw_normals(S, I, row, n, stream, first_lane, last_lane):
-    """Fills rows from `row` with standard normal numbers of this step, four at a time."""
+def _draw_four_normals(S, I, row, stream, quad, first_lane, last_lane):
+    """Fills four rows from `row` with the standard normal numbers `quad` of this step and stream."""
     real = S.dtype.type
-    for quad in range((n + 3) // 4):
-        base = row + 4 * quad
-        for lane in range(first_lane, last_lane):
-            a, b, c, d = philox(I[SEED, lane], I[EPISODE, lane], stream, I[STEP, lane], np.uint64(quad))
-            z0, z1 = normal_pair(a, b)
-            z2, z3 = normal_pair(c, d)
-            S[base, lane], S[base + 1, lane] = real(z0), real(z1)
-            S[base + 2, lane], S[base + 3, lane] = real(z2), real(z3)
+    for lane in range(first_lane, last_lane):
+        a, b, c, d = philox(I[SEED, lane], I[EPISODE, lane], stream, I[STEP, lane], np.uint64(quad))
+        z0, z1 = normal_pair(a, b)
+        z2, z3 = normal_pair(c, d)
+        S[row, lane], S[row + 1, lane] = real(z0), real(z1)
+        S[row + 2, lane], S[row + 3, lane] = real(z2), real(z3)
 
 
 @stage
@@ -182,7 +180,8 @@ def _filter_step(S, I, cfg, tables, n_lanes):
     n, rows, at = cfg[N_FILTER], cfg[ROW_FILTER], cfg[AT_FILTER]
     fresh = rows + n
     noise = fresh + n
-    _draw_normals(S, I, noise, n, _SEA, 0, n_lanes)
+    for quad in range((n + 3) // 4):
+        _draw_four_normals(S, I, noise + 4 * quad, _SEA, quad, 0, n_lanes)
     for i in range(n):
         for lane in range(n_lanes):
             S[fresh + i, lane] = real(0.0)
@@ -207,7 +206,8 @@ def _begin_filter(S, I, cfg, tables, lane):
     n, rows = cfg[N_FILTER], cfg[ROW_FILTER]
     factor = cfg[AT_FILTER] + 2 * n * n
     noise = rows + 2 * n
-    _draw_normals(S, I, noise, n, _INITIAL, lane, lane + 1)
+    for quad in range((n + 3) // 4):
+        _draw_four_normals(S, I, noise + 4 * quad, _INITIAL, quad, lane, lane + 1)
     for i in range(n):
         value = real(0.0)
         for j in range(i + 1):
@@ -376,12 +376,7 @@ def _measure(S, I, cfg, tables, position, first_lane, last_lane):
     bound = real(OBSERVATION_BOUND)
     place = cfg[ROW_SENSORS] + (position % cfg[SENSOR_RING]) * n
     for quad in range((n + 3) // 4):
-        for lane in range(first_lane, last_lane):
-            a, b, c, d = philox(I[SEED, lane], I[EPISODE, lane], _SENSORS, I[STEP, lane], np.uint64(quad))
-            z0, z1 = normal_pair(a, b)
-            z2, z3 = normal_pair(c, d)
-            S[_NOISE, lane], S[_NOISE + 1, lane] = real(z0), real(z1)
-            S[_NOISE + 2, lane], S[_NOISE + 3, lane] = real(z2), real(z3)
+        _draw_four_normals(S, I, _NOISE, _SENSORS, quad, first_lane, last_lane)
         for s in range(4 * quad, min(4 * quad + 4, n)):
             at = cfg[AT_SENSORS] + 3 * s
             noise, offset, per_scale = real(tables[at]), real(tables[at + 1]), real(tables[at + 2])
