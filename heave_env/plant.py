@@ -6,9 +6,7 @@ faces, `simulate` and the tests all stand on it.
 
 from __future__ import annotations
 
-import logging
 import math
-import time
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
@@ -26,7 +24,6 @@ from heave_env.sensors import CHANNELS
 from heave_env.vessel import boom_tip_components, boom_tip_filter
 
 Array = np.ndarray
-_log = logging.getLogger("heave_env")
 
 BATCH_LANES = 16
 """Environments per block of a batch."""
@@ -346,18 +343,6 @@ class Plant:
         if self._pool is not None:
             self._pool.shutdown(wait=False)
             self._pool = None
-
-
-def compile_kernels(dtype: str = "float64") -> float:
-    """Compiles the kernels ahead of use, or loads them from the cache; returns the seconds it took."""
-    from heave_env.scenarios import load
-
-    start = time.perf_counter()
-    for n_envs in (1, 2):
-        plant = Plant(load("thesis_linear"), n_envs, dtype=dtype)
-        plant.begin(np.ones(n_envs, dtype=bool), np.arange(n_envs))
-        plant.advance(np.zeros(n_envs))
-    return time.perf_counter() - start
 
 
 def simulate(
