@@ -11,7 +11,15 @@ from numba import njit
 # has the same bits alone and in a batch. Stages are inlined into the kernel that calls them.
 stage = njit(error_model="numpy", forceinline=True)
 
-_STAGE_FILES = ("streams.py", "layout.py", "compiled.py", "cable/axial.py", "winch.py", "kernel.py")
+_STAGE_FILES = (
+    "streams.py",
+    "layout.py",
+    "lanes.py",
+    "compiled.py",
+    "cable/axial.py",
+    "winch.py",
+    "kernel.py",
+)
 
 
 def source_fingerprint() -> int:

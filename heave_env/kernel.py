@@ -17,6 +17,7 @@ from numba import njit
 
 from heave_env.cable.axial import cable_step, cable_tensions, hang_still
 from heave_env.compiled import source_fingerprint, stage
+from heave_env.lanes import block_of_lanes
 from heave_env.layout import (
     BOOM_TIP_HEAVE,
     BOOM_TIP_HEAVE_RATE,
@@ -125,8 +126,9 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     AT_RECORDING,
     HAS_PAY_OUT,
     BEGINS_COMPENSATED,
+    AT_NODE_ROWS,
     N_CONFIGURATION,
-) = range(30)
+) = range(31)
 # Behind these follow, sensor by sensor, channel row and delay, and then the history lags.
 
 # Whole-number state of a row.
@@ -315,7 +317,7 @@ def _cable_substep(S, cfg, dt, n_lanes):
     """The finite-difference cable over a solver step, with the winch's work on it."""
     real = S.dtype.type
     per_dt = real(1.0 / dt)
-    nodes, n = cfg[ROW_NODES], cfg[N_ELEMENTS]
+    n, at = cfg[N_ELEMENTS], cfg[cfg[AT_NODE_ROWS] :]
     tension_only = cfg[TENSION_ONLY] == 1
     for lane in range(n_lanes):
         hauled = S[WINCH_DISPLACEMENT, lane] - S[WINCH_OLD, lane]
@@ -325,8 +327,8 @@ def _cable_substep(S, cfg, dt, n_lanes):
         # The cable's own signs are positive down.
         S[SHEAVE_OLD, lane] = -S[SHEAVE_OLD, lane]
         S[SHEAVE_NEW, lane] = -S[SHEAVE_NEW, lane]
-    cable_step(S, nodes, n, cfg[N_ITERATIONS], n_lanes, dt, tension_only)
-    cable_tensions(S, nodes, n, n_lanes, tension_only)
+    cable_step(S, at, n, cfg[N_ITERATIONS], n_lanes, dt, tension_only)
+    cable_tensions(S, at, n, n_lanes, tension_only)
     for lane in range(n_lanes):
         hauled = S[WINCH_DISPLACEMENT, lane] - S[WINCH_OLD, lane]
         S[STEP_WORK, lane] += S[SHEAVE_TENSION, lane] * hauled
@@ -501,8 +503,11 @@ def _make(n_lanes: int, fingerprint: int):
         n_substeps = cfg[N_SUBSTEPS]
         dt = control_dt / n_substeps
         commands = cfg[N_PENDING] + 1
+        # One lane is a constant to the compiler; sixteen are a number of the run, or else it would unroll
+        # the small loops over lanes before it makes vector operations of them.
+        lanes = 1 if n_lanes == 1 else state.shape[2]
         for block in range(first_block, last_block):
-            S, I = state[block], counters[block]
+            S, I = block_of_lanes(state[block], n_lanes), counters[block]
             newest = cfg[ROW_COMMANDS] + position % commands
             for lane in range(n_lanes):
                 row = block * n_lanes + lane
@@ -536,7 +541,7 @@ def _make(n_lanes: int, fingerprint: int):
                 if cfg[IS_LINEAR] == 1:
                     _linear_substep(S, n_lanes)
                 else:
-                    _cable_substep(S, cfg, dt, n_lanes)
+                    _cable_substep(S, cfg, dt, lanes)
             per_step = real(1.0 / control_dt)
             for lane in range(n_lanes):
                 S[BOOM_TIP_HEAVE, lane] = S[SHEAVE_NEW, lane]
@@ -569,7 +574,7 @@ def _make(n_lanes: int, fingerprint: int):
             if row < n_envs and not mask[row]:
                 continue
             block, lane = row // n_lanes, row % n_lanes
-            S, I = state[block], counters[block]
+            S, I = block_of_lanes(state[block], n_lanes), counters[block]
             I[STEP, lane] = _ZERO
             for channel in range(N_CHANNELS):
                 S[channel, lane] = zero

@@ -16,7 +16,7 @@ from scipy.linalg import expm
 
 from heave_env import kernel as k
 from heave_env import layout as rows
-from heave_env.cable.axial import fill_parameters
+from heave_env.cable.axial import fill_parameters, node_rows
 from heave_env.parameters import LinearPayload
 from heave_env.scenarios import Scenario
 from heave_env.sea import read_motion, square_root
@@ -205,8 +205,9 @@ class Plant:
         readings = [
             (list(CHANNELS).index(sensor.channel), age) for sensor, age in zip(sensors, ages, strict=True)
         ]
-        self._cfg = np.concatenate([cfg, np.ravel(np.array(readings, dtype=np.int64)), np.array(lags)])
-        self._cfg = self._cfg.astype(np.int64)
+        cfg[k.AT_NODE_ROWS] = len(cfg) + 2 * len(readings) + len(lags)
+        parts = (cfg, np.ravel(readings), lags, node_rows(int(cfg[k.ROW_NODES]), scenario.n_elements))
+        self._cfg = np.concatenate(parts).astype(np.int64)
         self._tables = np.concatenate(tables)
         self._state = np.zeros((self.n_blocks, row, self.n_lanes), dtype=self.dtype)
         self._counters = np.zeros((self.n_blocks, k.N_COUNTERS, self.n_lanes), dtype=np.uint64)

@@ -35,6 +35,7 @@ import numpy as np
 from numba import njit
 
 from heave_env.compiled import source_fingerprint, stage
+from heave_env.lanes import block_of_lanes, row
 from heave_env.layout import (
     CABLE_DAMPING,
     CABLE_DRAG,
@@ -80,7 +81,7 @@ _PER_MID_SPACING = SCRATCH + 5
 
 
 @stage
-def _constitutive_pass(S, nodes, n_elements, n_lanes, dt, tension_only, first):
+def _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, first):
     """Linearised law of each element about the trial state: T = tension + stiffness · (D_{j+1} - D_j).
 
     T is the mean over the step, D the displacement gained to mid-step. A tension-only element stores
@@ -93,19 +94,21 @@ def _constitutive_pass(S, nodes, n_elements, n_lanes, dt, tension_only, first):
     beta, per_dt = real(2.0 / dt), real(1.0 / dt)
     zero, half, one, two = real(0.0), real(0.5), real(1.0), real(2.0)
     for j in range(n_elements):
-        here = nodes + N_NODE_FIELDS * j
+        here = at[j]
         below = here + N_NODE_FIELDS
         for lane in range(n_lanes):
-            EA, CA = S[CABLE_STIFFNESS, lane], S[CABLE_DAMPING, lane]
-            per_spacing = S[_PER_MID_SPACING, lane]
-            elongation = S[below + DISPLACEMENT, lane] - S[here + DISPLACEMENT, lane]
-            old = elongation * S[_PER_OLD_SPACING, lane]
+            EA, CA = row(S, CABLE_STIFFNESS)[lane], row(S, CABLE_DAMPING)[lane]
+            per_spacing = row(S, _PER_MID_SPACING)[lane]
+            elongation = row(S, below + DISPLACEMENT)[lane] - row(S, here + DISPLACEMENT)[lane]
+            old = elongation * row(S, _PER_OLD_SPACING)[lane]
             # The old elongation on the cable's length at mid-step: the strain without any increment.
             base = elongation * per_spacing
             stiffness = EA + beta * CA
             tension = EA * base + beta * CA * (base - old)
             if tension_only:
-                gained_to_middle = (S[below + INCREMENT, lane] - S[here + INCREMENT, lane]) * per_spacing
+                gained_to_middle = (
+                    row(S, below + INCREMENT)[lane] - row(S, here + INCREMENT)[lane]
+                ) * per_spacing
                 gained_to_middle = zero if first else gained_to_middle
                 new = two * (base + gained_to_middle) - old
                 taut_new, taut_old = max(new, zero), max(old, zero)
@@ -118,12 +121,12 @@ def _constitutive_pass(S, nodes, n_elements, n_lanes, dt, tension_only, first):
                 stiffness = two * EA * slope + (beta * CA if new > zero else zero)
                 stiffness = stiffness if tension > zero else zero
                 tension = (tension if tension > zero else zero) - stiffness * gained_to_middle
-            S[here + ELEMENT_STIFFNESS, lane] = stiffness * per_spacing
-            S[here + ELEMENT_TENSION, lane] = tension
+            row(S, here + ELEMENT_STIFFNESS)[lane] = stiffness * per_spacing
+            row(S, here + ELEMENT_TENSION)[lane] = tension
 
 
 @stage
-def _forward_pass(S, nodes, n_elements, n_lanes, dt, first):
+def _forward_pass(S, at, n_elements, n_lanes, dt, first):
     """Assembles the momentum balance of each node in the increments D and eliminates downwards.
 
     Increments, not displacements: the forces that balance at rest then cancel before they are
@@ -136,130 +139,140 @@ def _forward_pass(S, nodes, n_elements, n_lanes, dt, first):
     first_difference, second_difference = real(0.5 / h), real(1.0 / (h * h))
     trial = VELOCITY if first else TRIAL_VELOCITY
     for lane in range(n_lanes):
-        S[nodes + SUPER, lane] = real(0.0)
-        S[nodes + LOAD, lane] = half * (S[SHEAVE_NEW, lane] - S[SHEAVE_OLD, lane])
+        row(S, at[0] + SUPER)[lane] = real(0.0)
+        row(S, at[0] + LOAD)[lane] = half * (row(S, SHEAVE_NEW)[lane] - row(S, SHEAVE_OLD)[lane])
     for j in range(1, n_elements):
-        here = nodes + N_NODE_FIELDS * j
+        here = at[j]
         above, below = here - N_NODE_FIELDS, here + N_NODE_FIELDS
         g = real(1.0 - j * h)
         for lane in range(n_lanes):
-            V, gk = S[LENGTH_SPEED, lane], g * S[_CONVECTION, lane]
-            mu, w = S[_NODE_MASS, lane], S[here + trial, lane]
+            V, gk = row(S, LENGTH_SPEED)[lane], g * row(S, _CONVECTION)[lane]
+            mu, w = row(S, _NODE_MASS)[lane], row(S, here + trial)[lane]
             speed = abs(w)
-            drag_slope = two * S[_NODE_DRAG, lane] * speed
+            drag_slope = two * row(S, _NODE_DRAG)[lane] * speed
             # W̄ = β D + V + gκ Ū_y, and DW/Dt = β (W̄ - W) + gκ ∂W̄/∂y with the compact Ū_yy.
-            of_gradient = gk * (mu * (two * beta - S[_CONVECTION, lane]) + drag_slope)
+            of_gradient = gk * (mu * (two * beta - row(S, _CONVECTION)[lane]) + drag_slope)
             of_curvature = mu * gk * gk
             gradient, curvature = first_difference * of_gradient, second_difference * of_curvature
-            k_above, k_below = S[above + ELEMENT_STIFFNESS, lane], S[here + ELEMENT_STIFFNESS, lane]
+            k_above, k_below = row(S, above + ELEMENT_STIFFNESS)[lane], row(S, here + ELEMENT_STIFFNESS)[lane]
             lower = -k_above - gradient + curvature
             upper = -k_below + gradient + curvature
             diagonal = beta * (mu * beta + drag_slope) + (k_above + k_below) - two * curvature
             U_above, U, U_below = (
-                S[above + DISPLACEMENT, lane],
-                S[here + DISPLACEMENT, lane],
-                S[below + DISPLACEMENT, lane],
+                row(S, above + DISPLACEMENT)[lane],
+                row(S, here + DISPLACEMENT)[lane],
+                row(S, below + DISPLACEMENT)[lane],
             )
             slope = first_difference * (U_below - U_above)
             bend = second_difference * ((U_below - U) - (U - U_above))
             load = (
-                mu * beta * (S[here + VELOCITY, lane] - V)
+                mu * beta * (row(S, here + VELOCITY)[lane] - V)
                 - drag_slope * V
                 - (of_gradient - mu * beta * gk) * slope
                 - of_curvature * bend
-                + S[_NODE_WEIGHT, lane]
-                + S[_NODE_DRAG, lane] * speed * w
-                + (S[here + ELEMENT_TENSION, lane] - S[above + ELEMENT_TENSION, lane])
+                + row(S, _NODE_WEIGHT)[lane]
+                + row(S, _NODE_DRAG)[lane] * speed * w
+                + (row(S, here + ELEMENT_TENSION)[lane] - row(S, above + ELEMENT_TENSION)[lane])
             )
-            pivot = one / (diagonal - lower * S[above + SUPER, lane])
-            S[here + SUPER, lane] = upper * pivot
-            S[here + LOAD, lane] = (load - lower * S[above + LOAD, lane]) * pivot
-    here = nodes + N_NODE_FIELDS * n_elements
+            pivot = one / (diagonal - lower * row(S, above + SUPER)[lane])
+            row(S, here + SUPER)[lane] = upper * pivot
+            row(S, here + LOAD)[lane] = (load - lower * row(S, above + LOAD)[lane]) * pivot
+    here = at[n_elements]
     above = here - N_NODE_FIELDS
     for lane in range(n_lanes):
-        V = S[LENGTH_SPEED, lane]
-        mass = S[PAYLOAD_INERTIA, lane] + half * S[_NODE_MASS, lane]
-        drag = S[PAYLOAD_DRAG, lane] + half * S[_NODE_DRAG, lane]
-        w = S[here + trial, lane]
+        V = row(S, LENGTH_SPEED)[lane]
+        mass = row(S, PAYLOAD_INERTIA)[lane] + half * row(S, _NODE_MASS)[lane]
+        drag = row(S, PAYLOAD_DRAG)[lane] + half * row(S, _NODE_DRAG)[lane]
+        w = row(S, here + trial)[lane]
         drag_slope = two * drag * abs(w)
-        k_above = S[above + ELEMENT_STIFFNESS, lane]
+        k_above = row(S, above + ELEMENT_STIFFNESS)[lane]
         load = (
-            mass * beta * (S[here + VELOCITY, lane] - V)
+            mass * beta * (row(S, here + VELOCITY)[lane] - V)
             - drag_slope * V
             + drag * abs(w) * w
-            + (S[PAYLOAD_WEIGHT, lane] + half * S[_NODE_WEIGHT, lane] - S[above + ELEMENT_TENSION, lane])
+            + (
+                row(S, PAYLOAD_WEIGHT)[lane]
+                + half * row(S, _NODE_WEIGHT)[lane]
+                - row(S, above + ELEMENT_TENSION)[lane]
+            )
         )
         diagonal = beta * (mass * beta + drag_slope) + k_above
-        S[here + LOAD, lane] = (load + k_above * S[above + LOAD, lane]) / (
-            diagonal + k_above * S[above + SUPER, lane]
+        row(S, here + LOAD)[lane] = (load + k_above * row(S, above + LOAD)[lane]) / (
+            diagonal + k_above * row(S, above + SUPER)[lane]
         )
 
 
 @stage
-def _backward_pass(S, nodes, n_elements, n_lanes, dt):
+def _backward_pass(S, at, n_elements, n_lanes, dt):
     """Substitutes upwards for the increments to mid-step and the velocities that go with them."""
     real = S.dtype.type
     h = 1.0 / n_elements
     beta = real(2.0 / dt)
     first_difference = real(0.5 / h)
-    bottom = nodes + N_NODE_FIELDS * n_elements
+    bottom = at[n_elements]
     for lane in range(n_lanes):
-        increment = S[bottom + LOAD, lane]
-        S[bottom + INCREMENT, lane] = increment
-        S[bottom + TRIAL_VELOCITY, lane] = beta * increment + S[LENGTH_SPEED, lane]
+        increment = row(S, bottom + LOAD)[lane]
+        row(S, bottom + INCREMENT)[lane] = increment
+        row(S, bottom + TRIAL_VELOCITY)[lane] = beta * increment + row(S, LENGTH_SPEED)[lane]
     for j in range(n_elements - 1, -1, -1):
-        here = nodes + N_NODE_FIELDS * j
+        here = at[j]
         for lane in range(n_lanes):
-            below = S[here + N_NODE_FIELDS + INCREMENT, lane]
-            S[here + INCREMENT, lane] = S[here + LOAD, lane] - S[here + SUPER, lane] * below
+            below = row(S, here + N_NODE_FIELDS + INCREMENT)[lane]
+            row(S, here + INCREMENT)[lane] = row(S, here + LOAD)[lane] - row(S, here + SUPER)[lane] * below
     for j in range(1, n_elements):
-        here = nodes + N_NODE_FIELDS * j
+        here = at[j]
         above, below = here - N_NODE_FIELDS, here + N_NODE_FIELDS
         g = real(1.0 - j * h)
         for lane in range(n_lanes):
-            old_difference = S[below + DISPLACEMENT, lane] - S[above + DISPLACEMENT, lane]
-            gained_difference = S[below + INCREMENT, lane] - S[above + INCREMENT, lane]
+            old_difference = row(S, below + DISPLACEMENT)[lane] - row(S, above + DISPLACEMENT)[lane]
+            gained_difference = row(S, below + INCREMENT)[lane] - row(S, above + INCREMENT)[lane]
             slope = first_difference * (old_difference + gained_difference)
-            S[here + TRIAL_VELOCITY, lane] = (
-                beta * S[here + INCREMENT, lane] + S[LENGTH_SPEED, lane] + g * S[_CONVECTION, lane] * slope
+            row(S, here + TRIAL_VELOCITY)[lane] = (
+                beta * row(S, here + INCREMENT)[lane]
+                + row(S, LENGTH_SPEED)[lane]
+                + g * row(S, _CONVECTION)[lane] * slope
             )
 
 
 @stage
-def cable_step(S, nodes, n_elements, n_iterations, n_lanes, dt, tension_only):
+def cable_step(S, at, n_elements, n_iterations, n_lanes, dt, tension_only):
     """Advances cable and payload by one solver step.
 
     Reads the sheave's displacement and the length at both ends of the step (`SHEAVE_OLD`, `SHEAVE_NEW`,
-    `LENGTH_OLD`, `LENGTH`); rewrites the nodes.
+    `LENGTH_OLD`, `LENGTH`); rewrites the nodes. `at` holds the row at which each node begins: were it
+    computed, the compiler would test the rows of all nodes at once for overlap, which rows that lie
+    between each other fail, and run the scalar loops.
     """
     real = S.dtype.type
     h = real(1.0 / n_elements)
     half, one, two = real(0.5), real(1.0), real(2.0)
     for lane in range(n_lanes):
-        middle = half * (S[LENGTH_OLD, lane] + S[LENGTH, lane])
-        V = S[LENGTH_SPEED, lane]
-        S[MID_LENGTH, lane] = middle
-        S[_CONVECTION, lane] = V / middle
-        S[_NODE_MASS, lane] = S[CABLE_INERTIA, lane] * middle * h
-        S[_NODE_DRAG, lane] = S[CABLE_DRAG, lane] * middle * h
-        S[_NODE_WEIGHT, lane] = S[CABLE_WEIGHT, lane] * middle * h
-        S[_PER_OLD_SPACING, lane] = one / (h * S[LENGTH_OLD, lane])
-        S[_PER_MID_SPACING, lane] = one / (h * middle)
+        middle = half * (row(S, LENGTH_OLD)[lane] + row(S, LENGTH)[lane])
+        V = row(S, LENGTH_SPEED)[lane]
+        row(S, MID_LENGTH)[lane] = middle
+        row(S, _CONVECTION)[lane] = V / middle
+        row(S, _NODE_MASS)[lane] = row(S, CABLE_INERTIA)[lane] * middle * h
+        row(S, _NODE_DRAG)[lane] = row(S, CABLE_DRAG)[lane] * middle * h
+        row(S, _NODE_WEIGHT)[lane] = row(S, CABLE_WEIGHT)[lane] * middle * h
+        row(S, _PER_OLD_SPACING)[lane] = one / (h * row(S, LENGTH_OLD)[lane])
+        row(S, _PER_MID_SPACING)[lane] = one / (h * middle)
     for iteration in range(n_iterations):
-        _constitutive_pass(S, nodes, n_elements, n_lanes, dt, tension_only, iteration == 0)
-        _forward_pass(S, nodes, n_elements, n_lanes, dt, iteration == 0)
-        _backward_pass(S, nodes, n_elements, n_lanes, dt)
+        _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, iteration == 0)
+        _forward_pass(S, at, n_elements, n_lanes, dt, iteration == 0)
+        _backward_pass(S, at, n_elements, n_lanes, dt)
     for lane in range(n_lanes):
-        S[nodes + DISPLACEMENT, lane] = S[SHEAVE_NEW, lane]
+        row(S, at[0] + DISPLACEMENT)[lane] = row(S, SHEAVE_NEW)[lane]
     for j in range(1, n_elements + 1):
-        here = nodes + N_NODE_FIELDS * j
+        here = at[j]
         for lane in range(n_lanes):
-            S[here + DISPLACEMENT, lane] += two * S[here + INCREMENT, lane]
-            S[here + VELOCITY, lane] = two * S[here + TRIAL_VELOCITY, lane] - S[here + VELOCITY, lane]
+            row(S, here + DISPLACEMENT)[lane] += two * row(S, here + INCREMENT)[lane]
+            row(S, here + VELOCITY)[lane] = (
+                two * row(S, here + TRIAL_VELOCITY)[lane] - row(S, here + VELOCITY)[lane]
+            )
 
 
 @stage
-def cable_tensions(S, nodes, n_elements, n_lanes, tension_only):
+def cable_tensions(S, at, n_elements, n_lanes, tension_only):
     """Tensions at the sheave and the payload, and the extremes along the cable since they were cleared.
 
     They are means over the last solver step, the very tensions that moved the nodes. Element tensions
@@ -269,28 +282,29 @@ def cable_tensions(S, nodes, n_elements, n_lanes, tension_only):
     real = S.dtype.type
     zero, one, one_and_half, half = real(0.0), real(1.0), real(1.5), real(0.5)
     for j in range(n_elements):
-        here = nodes + N_NODE_FIELDS * j
+        here = at[j]
         below = here + N_NODE_FIELDS
         for lane in range(n_lanes):
-            gained = S[below + INCREMENT, lane] - S[here + INCREMENT, lane]
-            tension = S[here + ELEMENT_TENSION, lane] + S[here + ELEMENT_STIFFNESS, lane] * gained
-            tension = max(tension, zero) if tension_only else tension
-            S[here + LOAD, lane] = tension
-            S[TENSION_MIN, lane] = min(S[TENSION_MIN, lane], tension)
-            S[TENSION_MAX, lane] = max(S[TENSION_MAX, lane], tension)
-    last = nodes + N_NODE_FIELDS * (n_elements - 1)
-    second = nodes + (N_NODE_FIELDS if n_elements > 1 else 0)
+            gained = row(S, below + INCREMENT)[lane] - row(S, here + INCREMENT)[lane]
+            tension = row(S, here + ELEMENT_TENSION)[lane] + row(S, here + ELEMENT_STIFFNESS)[lane] * gained
+            tension = tension if (tension > zero or not tension_only) else zero
+            least, most = row(S, TENSION_MIN)[lane], row(S, TENSION_MAX)[lane]
+            row(S, here + LOAD)[lane] = tension
+            row(S, TENSION_MIN)[lane] = tension if tension < least else least
+            row(S, TENSION_MAX)[lane] = tension if tension > most else most
+    last = at[n_elements - 1]
+    second = at[0] + (N_NODE_FIELDS if n_elements > 1 else 0)
     last_but_one = last - (N_NODE_FIELDS if n_elements > 1 else 0)
     for lane in range(n_lanes):
-        top = one_and_half * S[nodes + LOAD, lane] - half * S[second + LOAD, lane]
-        end = one_and_half * S[last + LOAD, lane] - half * S[last_but_one + LOAD, lane]
+        top = one_and_half * row(S, at[0] + LOAD)[lane] - half * row(S, second + LOAD)[lane]
+        end = one_and_half * row(S, last + LOAD)[lane] - half * row(S, last_but_one + LOAD)[lane]
         if tension_only:
             top, end = max(top, zero), max(end, zero)
-        S[SHEAVE_TENSION, lane] = top
-        S[PAYLOAD_TENSION, lane] = end
-        S[TENSION_MIN, lane] = min(S[TENSION_MIN, lane], min(top, end))
-        S[TENSION_MAX, lane] = max(S[TENSION_MAX, lane], max(top, end))
-        S[SLACK, lane] = one if S[TENSION_MIN, lane] <= zero else zero
+        row(S, SHEAVE_TENSION)[lane] = top
+        row(S, PAYLOAD_TENSION)[lane] = end
+        row(S, TENSION_MIN)[lane] = min(row(S, TENSION_MIN)[lane], min(top, end))
+        row(S, TENSION_MAX)[lane] = max(row(S, TENSION_MAX)[lane], max(top, end))
+        row(S, SLACK)[lane] = one if row(S, TENSION_MIN)[lane] <= zero else zero
 
 
 @stage
@@ -314,6 +328,11 @@ def hang_still(S, lane, nodes, n_elements, sheave):
         displacement += tension * L * h / EA
 
 
+def node_rows(first: int, n_elements: int) -> Array:
+    """Rows at which the nodes stand in a state buffer, from row `first` on, (n_elements + 1,)."""
+    return first + N_NODE_FIELDS * np.arange(n_elements + 1, dtype=np.int64)
+
+
 def fill_parameters(S: Array, cable: Cable, payload: Payload) -> None:
     """Writes the cable's and the payload's numbers into the rows of a state buffer, all lanes alike."""
     S[..., CABLE_STIFFNESS, :] = cable.axial_stiffness
@@ -328,20 +347,20 @@ def fill_parameters(S: Array, cable: Cable, payload: Payload) -> None:
 
 def _make_march(fingerprint: int):
     @njit(cache=True, error_model="numpy")
-    def march(S, n_elements, n_iterations, dt, tension_only, sheave, length, out):
+    def march(state, at, n_elements, n_iterations, dt, tension_only, sheave, length, out):
         """Drives one cable through given sheave displacements and lengths; fills `out` (n_steps + 1, 4)."""
         if fingerprint == 0:
             return
-        nodes = N_FIXED
-        bottom = nodes + N_NODE_FIELDS * n_elements
+        S = block_of_lanes(state, 1)
+        bottom = at[n_elements]
         for k in range(len(sheave)):
             S[TENSION_MIN, 0], S[TENSION_MAX, 0] = np.inf, -np.inf
             if k > 0:
                 S[SHEAVE_OLD, 0], S[SHEAVE_NEW, 0] = sheave[k - 1], sheave[k]
                 S[LENGTH_OLD, 0], S[LENGTH, 0] = length[k - 1], length[k]
                 S[LENGTH_SPEED, 0] = (length[k] - length[k - 1]) / dt
-                cable_step(S, nodes, n_elements, n_iterations, 1, dt, tension_only)
-            cable_tensions(S, nodes, n_elements, 1, tension_only)
+                cable_step(S, at, n_elements, n_iterations, 1, dt, tension_only)
+            cable_tensions(S, at, n_elements, 1, tension_only)
             out[k, 0] = S[bottom + DISPLACEMENT, 0]
             out[k, 1] = S[bottom + VELOCITY, 0]
             out[k, 2] = S[SHEAVE_TENSION, 0]
@@ -469,5 +488,15 @@ class AxialSolver:
     def _run(self, S: Array, sheave: Array, length: Array, dt: float) -> Array:
         S[LENGTH] = length[0]
         out = np.empty((len(sheave), 4))
-        _march(S, self.n_elements, self.n_iterations, dt, self.cable.tension_only, sheave, length, out)
+        _march(
+            S,
+            node_rows(N_FIXED, self.n_elements),
+            self.n_elements,
+            self.n_iterations,
+            dt,
+            self.cable.tension_only,
+            sheave,
+            length,
+            out,
+        )
         return out
