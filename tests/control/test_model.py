@@ -27,7 +27,7 @@ PAYLOAD = LinearPayload(inertia=0.8959, damping=0.1658)
 
 
 def test_boom_tip_and_locked_payload_have_the_theory_s_standard_deviations():
-    # Published: 0.255 m (Huang 1992, 6.3.6); the digits are those of physics.md, from the same equations.
+    # Published: 0.255 m (Huang 1992, 6.3.6); the digits are recomputed from the same equations.
     model = continuous_model(load("thesis_linear"))
     waves = sea_filter(load("thesis_linear"))
     assert math.sqrt((waves.C @ waves.covariance @ waves.C.T)[0, 0]) == pytest.approx(0.1722, abs=5e-5)

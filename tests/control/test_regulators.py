@@ -14,7 +14,7 @@ from heave_env.parameters import LinearPayload
 from heave_env.scenarios import load, with_value
 
 RECOVERED = LinearPayload(inertia=2.28, damping=2.43)
-"""The a and b that the printed gains belong to (physics.md section 3)."""
+"""The a and b that the printed gains belong to."""
 
 
 def test_the_scalar_gain_is_the_root_of_its_quadratic():

@@ -30,7 +30,7 @@ def with_(scenario, **values):
     [(100.0, 1.627e-3, 9.74), (554.0, 2.96e-4, 23.0), (1000.0, 1.640e-4, 31.0)],
 )
 def test_full_state_design_leaves_the_published_motion(q, std, index):
-    # q = 554 is the thesis's figure 6.24; the others follow from the same equations (physics.md section 3).
+    # q = 554 is the thesis's figure 6.24; the others follow from the same equations.
     result = continuous_performance(continuous_model(LINEAR), q, 1.0)
     assert result.payload_heave_std == pytest.approx(std, rel=1e-3)
     assert result.energy_index == pytest.approx(index, rel=2e-3)

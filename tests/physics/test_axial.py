@@ -52,7 +52,7 @@ def test_payload_amplitude_is_the_closed_form_at_the_documented_resolution(dragl
 
 
 def test_natural_frequencies_are_the_published_ones(dragless):
-    # physics.md, H 6.2.6 cable: 0.3712 and 5.193 rad/s.
+    # The cable of H 6.2.6, tests/reference/SOURCES.md: 0.3712 and 5.193 rad/s.
     assert natural_omegas(*dragless, 900.0, 2) == pytest.approx([0.3712, 5.193], rel=1.5e-4)
 
 

@@ -40,7 +40,7 @@ def test_zero_crossing_period_is_that_of_the_spectrum():
 
 
 def test_shaping_filter_has_the_published_elevation():
-    # physics.md section 3: 0.7377 m for Hs 3.048 m, 94 % of the variance of the true spectrum.
+    # tests/reference/SOURCES.md: 0.7377 m for Hs 3.048 m, 94 % of the variance of the true spectrum.
     wave = wave_filter(THESIS_SEA)
     variance = (wave.C @ wave.covariance @ wave.C.T)[0, 0]
     assert np.sqrt(variance) == pytest.approx(0.7377, abs=1e-4)
