@@ -21,7 +21,8 @@ from safetensors.numpy import save as save_tensors
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 
-from agents.policy import canonical, sha256, write_atomic
+from agents.policy import canonical, sha256
+from heave_env.files import write_atomic
 
 STATE_FORMAT = "heave_env training state 1"
 """What a training state's JSON says it is."""

@@ -12,7 +12,6 @@ import copy
 import dataclasses
 import hashlib
 import json
-import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -23,6 +22,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
+from heave_env.files import write_atomic
 from heave_env.scenarios import Scenario, from_mapping, to_mapping
 
 POLICY_FORMAT = "heave_env policy 1"
@@ -37,19 +37,6 @@ ACTIVATIONS: dict[str, Callable[[Any], Any]] = {
 """Activations between the layers, by name."""
 OUTPUTS: dict[str, Callable[[Any], Any]] = {"clip": lambda x: np.clip(x, -1.0, 1.0), "tanh": np.tanh}
 """How the last layer becomes an action, by name."""
-
-
-def write_atomic(path: Path, content: bytes) -> None:
-    """Writes a file whole or not at all: to a temporary one, flushed to disk, then renamed."""
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
-    try:
-        with temporary.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(temporary, path)
-    finally:
-        temporary.unlink(missing_ok=True)
 
 
 def sha256(content: bytes) -> str:

@@ -7,14 +7,13 @@ mapping goes on top. Unknown keys are refused.
 from __future__ import annotations
 
 import dataclasses
-import difflib
 import math
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from heave_env.parameters import require, require_integer, require_number
+from heave_env.parameters import name_hint, require, require_integer, require_number
 from heave_env.scenarios import Scenario
 from heave_env.sensors import INFORMATION_SETS
 
@@ -153,8 +152,7 @@ def load_preset(
     for layer in layers:
         for key, value in layer.items():
             if key not in known:
-                close = difflib.get_close_matches(str(key), known, n=1)
-                hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(sorted(known))}"
+                hint = name_hint(key, known, f"known: {', '.join(sorted(known))}")
                 raise ValueError(f"unknown preset key {key!r}; {hint}")
             if key == "options":
                 if not isinstance(value, Mapping):

@@ -36,12 +36,13 @@ from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 
 from agents import checkpoint, networks
-from agents.policy import TrainedPolicy, policy_card, save_policy, write_atomic
+from agents.policy import TrainedPolicy, policy_card, save_policy
 from agents.presets import Preset, load_preset
 from agents.vec_env import HeaveVecEnv, ScaledReward
 from heave_env import scenarios
 from heave_env.controller import Controller
 from heave_env.env import HeaveVectorEnv
+from heave_env.files import write_atomic
 from heave_env.provenance import commit, versions
 from heave_env.scenarios import Scenario
 

@@ -10,6 +10,7 @@ Source: Huang (1992), 6.2.5, (6.11)-(6.15); the chain: Åström and Wittenmark (
 from __future__ import annotations
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -90,36 +91,26 @@ def _exact(scenario: Scenario, q: float, r: float) -> LinearController:
     gain, _ = sampled_gain(A, B, q, r)
     states = model.states[:n]
     measured = measured_entries(scenario)
-    index = float(np.linalg.norm(gain))
-    truth = truth_model(scenario)
-    if "winch_displacement" in measured:
-        return controller(
-            "delay_lqr",
-            scenario,
-            states,
-            D=gain,
-            gain=gain,
-            states=states,
-            energy_index=index,
-            truth=truth,
-            command_weight=r,
-        )
-    # The winch's displacement is row 2 of the model, driven by pending and new commands alone.
-    used = (*PAYLOAD_MOTION, *states[3:])
-    return controller(
+    made = partial(
+        controller,
         "delay_lqr",
         scenario,
-        used,
+        gain=gain,
+        states=states,
+        energy_index=float(np.linalg.norm(gain)),
+        truth=truth_model(scenario),
+        command_weight=r,
+    )
+    if "winch_displacement" in measured:
+        return made(states, D=gain)
+    # The winch's displacement is row 2 of the model, driven by pending and new commands alone.
+    return made(
+        (*PAYLOAD_MOTION, *states[3:]),
         D=np.delete(gain, 2, axis=1),
         F=A[2:3, 2:3],
         G=np.hstack([np.zeros((1, 2)), A[2:3, 3:]]),
         H=B[2:3],
         L=gain[:, 2:3],
-        gain=gain,
-        states=states,
-        energy_index=index,
-        truth=truth,
-        command_weight=r,
     )
 
 

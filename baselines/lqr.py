@@ -9,6 +9,7 @@ Source: Huang (1992), 6.2.4, (6.6)-(6.10).
 from __future__ import annotations
 
 import math
+from functools import partial
 
 import numpy as np
 from scipy.linalg import solve_continuous_are, solve_discrete_are
@@ -75,36 +76,27 @@ def lqr(
         gain, _ = sampled_gain(model.A[:3, :3], model.B[:3], q, r)
     states = (*PAYLOAD_MOTION, "winch_displacement")
     measured = measured_entries(scenario)
-    truth = truth_model(scenario)
-    index = float(np.linalg.norm(gain))
-    if "winch_displacement" in measured:
-        return controller(
-            "lqr",
-            scenario,
-            states,
-            D=gain,
-            gain=gain,
-            states=states,
-            energy_index=index,
-            truth=truth,
-            command_weight=r,
-        )
-    # u_{k+1} = p u_k + (1 - p) u0_k, from the controller's own commands.
-    p = math.exp(-scenario.winch.rate_constant * scenario.control_dt)
-    return controller(
+    made = partial(
+        controller,
         "lqr",
         scenario,
+        gain=gain,
+        states=states,
+        energy_index=float(np.linalg.norm(gain)),
+        truth=truth_model(scenario),
+        command_weight=r,
+    )
+    if "winch_displacement" in measured:
+        return made(states, D=gain)
+    # u_{k+1} = p u_k + (1 - p) u0_k, from the controller's own commands.
+    p = math.exp(-scenario.winch.rate_constant * scenario.control_dt)
+    return made(
         PAYLOAD_MOTION,
         D=gain[:, :2],
         F=np.array([[p]]),
         G=np.zeros((1, 2)),
         H=np.array([[1.0 - p]]),
         L=gain[:, 2:],
-        gain=gain,
-        states=states,
-        energy_index=index,
-        truth=truth,
-        command_weight=r,
     )
 
 

@@ -51,14 +51,20 @@ class Case:
     """Builds the yardstick."""
 
 
-def single(env: Any) -> Stepper:
-    """Steps one environment with actions drawn beforehand."""
+def _warmed_up(env: Any, n_actions: int) -> list[Any]:
+    """Actions drawn beforehand, a few of which have been tried; the environment stands at its start."""
     env.action_space.seed(0)
-    actions = [env.action_space.sample() for _ in range(512)]
+    actions = [env.action_space.sample() for _ in range(n_actions)]
     env.reset(seed=0)
     for action in actions[:3]:
         env.step(action)
     env.reset(seed=0)
+    return actions
+
+
+def single(env: Any) -> Stepper:
+    """Steps one environment with actions drawn beforehand."""
+    actions = _warmed_up(env, 512)
 
     def run(seconds: float) -> float:
         count, begin = 0, time.perf_counter()
@@ -77,12 +83,7 @@ def single(env: Any) -> Stepper:
 
 def batch(env: Any) -> Stepper:
     """Steps a native batch with actions drawn beforehand; resets are not counted as steps."""
-    env.action_space.seed(0)
-    actions = [env.action_space.sample() for _ in range(16)]
-    env.reset(seed=0)
-    for action in actions[:3]:
-        env.step(action)
-    env.reset(seed=0)
+    actions = _warmed_up(env, 16)
 
     def run(seconds: float) -> float:
         count, begin = 0, time.perf_counter()

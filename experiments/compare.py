@@ -6,7 +6,6 @@ A comparison's folder is described in `docs/files.md`, its protocol in `docs/com
 from __future__ import annotations
 
 import dataclasses
-import difflib
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
@@ -24,6 +23,7 @@ from experiments.metrics import (
 from experiments.results import Contest, Entry, Outcome, write_contests
 from experiments.rollout import FIRST_TEST_SEED, Trajectory, batches, rollout, with_duration
 from heave_env.controller import Controller, NoControl
+from heave_env.parameters import name_hint
 from heave_env.provenance import provenance
 from heave_env.scenarios import Scenario
 
@@ -60,9 +60,8 @@ def check_specs(specs: Sequence[str]) -> tuple[str, ...]:
             if not Path(run).exists():
                 raise ValueError(f"there is no run {run!r}; train one with heave train")
         elif spec not in controller_names():
-            close = difflib.get_close_matches(spec, controller_names(), n=1)
-            known = ", ".join(controller_names())
-            hint = f"did you mean {close[0]!r}?" if close else f"known: {known}, agent:RUN"
+            known = controller_names()
+            hint = name_hint(spec, known, f"known: {', '.join(known)}, agent:RUN")
             raise ValueError(f"unknown controller {spec!r}; {hint}")
     return wanted
 

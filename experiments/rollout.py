@@ -16,6 +16,7 @@ import numpy as np
 
 from heave_env.controller import Controller
 from heave_env.scenarios import Scenario, whole_number_of
+from heave_env.sensors import CHANNELS
 
 if TYPE_CHECKING:
     from heave_env.env import HeaveVectorEnv
@@ -26,15 +27,14 @@ FIRST_TEST_SEED = 20_000_000
 """Test seas have the seeds from here; training seas lie below 1e7, validation seas from 1e7."""
 
 STATE_CHANNELS: dict[str, str] = {
-    "payload_heave": "m",
-    "payload_heave_rate": "m/s",
-    "boom_tip_heave": "m",
-    "boom_tip_heave_rate": "m/s",
-    "winch_displacement": "m",
-    "winch_rate": "m/s",
+    name: unit for name, unit in CHANNELS.items() if name not in ("sheave_tension", "length")
 }
 """Channels of every plant at the control instants, with units: arrays `(n_steps + 1, n_seas)`."""
-CABLE_STATE_CHANNELS: dict[str, str] = {"sheave_tension": "N", "payload_tension": "N", "length": "m"}
+CABLE_STATE_CHANNELS: dict[str, str] = {
+    "sheave_tension": CHANNELS["sheave_tension"],
+    "payload_tension": "N",
+    "length": CHANNELS["length"],
+}
 """Channels at the control instants that only a plant with a cable has."""
 STEP_CHANNELS: dict[str, str] = {
     "command": "m",

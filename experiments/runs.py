@@ -10,12 +10,13 @@ import csv
 import io
 import json
 import math
-import os
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
+
+from heave_env.files import write_atomic
 
 Array = np.ndarray
 
@@ -37,16 +38,10 @@ def write_bytes(path: str | Path, content: bytes) -> Path:
         ValueError: If the file cannot be written there.
     """
     path = Path(path)
-    draft = path.with_name(f".{path.name}.{os.getpid()}.tmp")
     try:
         path.parent.mkdir(parents=True, exist_ok=True)
-        with draft.open("wb") as file:
-            file.write(content)
-            file.flush()
-            os.fsync(file.fileno())
-        os.replace(draft, path)
+        write_atomic(path, content)
     except OSError as error:
-        draft.unlink(missing_ok=True)
         raise ValueError(f"cannot write {str(path)!r}: {error.strerror or error}") from error
     return path
 

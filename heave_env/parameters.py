@@ -7,7 +7,9 @@ convention is heave positive up, pay-out positive outwards, tension positive in 
 
 from __future__ import annotations
 
+import difflib
 import math
+from collections.abc import Iterable
 from dataclasses import dataclass, fields
 from typing import Any
 
@@ -57,6 +59,12 @@ def require_integer(owner: object, field: str, *, minimum: int) -> None:
     value = getattr(owner, field)
     ok = isinstance(value, int) and not isinstance(value, bool) and value >= minimum
     require(ok, owner, field, f"an integer of at least {minimum}")
+
+
+def name_hint(name: object, known: Iterable[str], otherwise: str) -> str:
+    """What to say of an unknown name: the known one that it resembles, or else `otherwise`."""
+    close = difflib.get_close_matches(str(name), list(known), n=1)
+    return f"did you mean {close[0]!r}?" if close else otherwise
 
 
 def as_mapping(owner: Any) -> dict[str, Any]:

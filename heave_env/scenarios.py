@@ -9,7 +9,6 @@ from __future__ import annotations
 
 import ast
 import dataclasses
-import difflib
 import hashlib
 import inspect
 import json
@@ -33,6 +32,7 @@ from heave_env.parameters import (
     Vessel,
     Winch,
     as_mapping,
+    name_hint,
     peak_omega_of_zero_crossing_period,
     require,
     require_integer,
@@ -416,8 +416,7 @@ def _build(kind: type, values: Any, path: str) -> Any:
     where = f"{path}." if path else ""
     for key in values:
         if key not in known:
-            close = difflib.get_close_matches(str(key), known, n=1)
-            hint = f"did you mean {close[0]!r}?" if close else f"known keys: {', '.join(known)}"
+            hint = name_hint(key, known, f"known keys: {', '.join(known)}")
             raise ValueError(f"unknown key '{where}{key}'; {hint}")
     for key, item in known.items():
         required = item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING
@@ -452,10 +451,7 @@ def with_value(scenario: Scenario, path: str, value: Any) -> Scenario:
             by_channel = {}
             known = list(place) if isinstance(place, dict) else []
         if key not in known:
-            close = difflib.get_close_matches(key, known, n=1)
-            hint = (
-                f"did you mean {close[0]!r}?" if close else f"known keys here: {', '.join(known) or 'none'}"
-            )
+            hint = name_hint(key, known, f"known keys here: {', '.join(known) or 'none'}")
             raise ValueError(f"unknown key {path!r}: there is no {key!r}; {hint}")
         if depth == len(keys) - 1:
             if by_channel:
@@ -600,8 +596,7 @@ def load(name: str | Path | Scenario) -> Scenario:
         return REGISTRY[text]()
     if text.endswith((".yaml", ".yml")) or Path(text).is_file():
         return read(text)
-    close = difflib.get_close_matches(text, REGISTRY, n=1)
-    hint = f"did you mean {close[0]!r}?" if close else f"known: {', '.join(REGISTRY)}, or a .yaml file"
+    hint = name_hint(text, REGISTRY, f"known: {', '.join(REGISTRY)}, or a .yaml file")
     raise ValueError(f"unknown scenario {text!r}; {hint}")
 
 

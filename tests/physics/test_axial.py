@@ -47,8 +47,12 @@ def test_payload_amplitude_is_the_closed_form_at_the_documented_resolution(dragl
     amplitude, natural = forced_and_natural(dragless_solver, omega, DOCUMENTED_DT)
     cable, payload = dragless_solver.cable, dragless_solver.payload
     exact = payload_response(np.array(omega), cable, payload, 900.0).real
+    first = natural_omegas(cable, payload, 900.0, 1)[0]
+    print(
+        f"{omega} rad/s: amplitude {amplitude / exact - 1:+.3%}, natural frequency {natural / first - 1:+.4%}"
+    )
     assert amplitude == pytest.approx(float(exact), rel=1e-3)
-    assert natural == pytest.approx(natural_omegas(cable, payload, 900.0, 1)[0], rel=1e-3)
+    assert natural == pytest.approx(first, rel=1e-3)
 
 
 def test_natural_frequencies_are_the_published_ones(dragless):
@@ -71,6 +75,7 @@ def test_second_natural_frequency(dragless, n_elements, dt, tolerance):
         method="bounded",
         options={"xatol": 1e-9},
     )
+    print(f"{n_elements} elements, {dt} s: second natural frequency {best.x / exact[1] - 1:+.3%}")
     assert best.x == pytest.approx(exact[1], rel=tolerance)
 
 
@@ -140,6 +145,7 @@ def test_drag_free_pay_out_follows_the_adiabatic_growth():
         return L / (payload.inertia + cable.mass_per_length * L / 3.0)
 
     growth = amplitude(497.0) / amplitude(54.0)
+    print(f"growth {growth:.3f}")
     assert growth == pytest.approx((softness(497.0) / softness(54.0)) ** 0.25, rel=0.02)
     assert growth == pytest.approx(1.25 / 0.74, rel=0.02)
 
@@ -194,6 +200,10 @@ def berteaux_extremes(n_elements: int, cable: Cable, dt: float) -> tuple[float, 
     position, tension = (
         record.payload_displacement[steady] / FOOT,
         record.sheave_tension[steady] / POUND_FORCE,
+    )
+    print(
+        f"{n_elements} elements, {dt} s: payload {position.min():.2f} to {position.max():.2f} ft, tension "
+        f"{tension.min():.0f} to {tension.max():.0f} lb"
     )
     return float(position.min()), float(position.max()), float(tension.min()), float(tension.max())
 
