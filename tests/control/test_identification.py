@@ -103,6 +103,8 @@ def test_the_thesis_cable_over_eight_seas_linear_and_nonlinear(duration, scatter
     assert linear.inertia == pytest.approx(7.26, abs=scatter)
     assert 0.15 < linear.damping < 0.25
     nonlinear = identify(scenario, nonlinear=True, seeds=seeds, duration=duration)
+    for kind, fit in (("linear", linear), ("nonlinear", nonlinear)):
+        print(f"{duration:g} s, {kind}: a {fit.inertia:.3f}, b {fit.damping:.4f}")
     assert nonlinear.inertia == pytest.approx(7.263, abs=0.003)
     assert nonlinear.damping == pytest.approx(0.0536, rel=0.01)
     assert nonlinear.residual_std < 0.1 * linear.residual_std

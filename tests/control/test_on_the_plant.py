@@ -37,6 +37,12 @@ def mean_and_error(values):
     return values.mean(), values.std(ddof=1) / np.sqrt(len(values))
 
 
+def show(case, kind, cost, controller):
+    mean, error = mean_and_error(cost)
+    theory = getattr(controller, "predicted_cost", None)
+    print(f"{case}, {kind}: {mean:.4g} +- {error:.2g}" + (f", theory {theory:.4g}" if theory else ""))
+
+
 def with_(scenario, **values):
     for path, value in values.items():
         scenario = with_value(scenario, path.replace("__", "."), value)
@@ -58,6 +64,7 @@ def test_the_running_stochastic_optimal_controller_costs_what_theory_predicts(ca
     cost, heave, command = episodes(scenario, "lqg")
     controller = design("lqg", scenario)
     assert controller.predicted_cost == pytest.approx(optimal_cost(scenario), rel=1e-6)
+    show(case, "lqg", cost, controller)
     for measured, predicted in (
         (cost, controller.predicted_cost),
         (heave, controller.performance.payload_heave_std**2),
@@ -73,6 +80,7 @@ def test_no_other_controller_is_below_the_optimum(case, kind):
     difference = episodes(CASES[case], kind)[0] - episodes(CASES[case], "lqg")[0]
     mean, error = mean_and_error(difference)
     assert mean > -3.0 * error
+    show(case, kind, episodes(CASES[case], kind)[0], design(kind, CASES[case]))
     mean, error = mean_and_error(episodes(CASES[case], kind)[0])
     assert mean > optimal_cost(CASES[case]) - 3.0 * error
 
@@ -136,11 +144,13 @@ def test_tuning_keeps_the_thesis_regulator_off_the_cable_s_second_mode():
 @pytest.mark.parametrize("name", ["thesis_cable", "sea_state_5", "deep_resonance", "snap", "lowering"])
 def test_on_a_cable_the_stochastic_optimal_controller_is_the_best_of_the_four(name):
     scenario = load(name)
-    costs = {kind: episodes(scenario, kind)[0] for kind in ("none", "lqr", "delay_lqr", "lqg")}
+    found = {kind: episodes(scenario, kind) for kind in ("none", "lqr", "delay_lqr", "lqg")}
+    costs = {kind: cost for kind, (cost, _, _) in found.items()}
+    for kind, (cost, square, _) in found.items():
+        print(f"{name}, {kind}: {cost.mean():.4g}, {cost.max():.4g}; {np.sqrt(square.mean()):.4g} m")
     for kind in ("none", "lqr", "delay_lqr"):
         mean, error = mean_and_error(costs[kind] - costs["lqg"])
         assert mean > 3.0 * error, kind
-    print(name, {kind: f"{cost.mean():.4g} max {cost.max():.4g}" for kind, cost in costs.items()})
 
 
 @pytest.mark.slow
