@@ -18,7 +18,7 @@ DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-", (0, (6, 1.5, 1.2, 1.5)), "-"
 SHOWN = 60.0
 """Length of the time series that is drawn [s]."""
 
-_STYLE: dict[str, Any] = {
+STYLE: dict[str, Any] = {
     "font.family": "sans-serif",
     "font.sans-serif": ["DejaVu Sans"],
     "font.size": 9.5,
@@ -83,7 +83,7 @@ def _styled(draw: Any) -> Any:
         import matplotlib
 
         context: Any = matplotlib.rc_context
-        with context(_STYLE):
+        with context(STYLE):
             return str(draw(*args, **kwargs))
 
     return styled

@@ -16,6 +16,8 @@ _STAGE_FILES = (
     "layout.py",
     "lanes.py",
     "compiled.py",
+    "hydrodynamics.py",
+    "cable/constitutive.py",
     "cable/axial.py",
     "winch.py",
     "kernel.py",

@@ -8,9 +8,10 @@ convention is heave positive up, pay-out positive outwards, tension positive in 
 from __future__ import annotations
 
 import difflib
+import itertools
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, fields, replace
 from typing import Any
 
 SEAWATER_DENSITY = 1025.0
@@ -193,13 +194,19 @@ class Cable:
     axial_stiffness: float
     """Tension per strain, EA [N]."""
     submerged_weight: float
-    """Weight in water per length, w1 [N/m]."""
+    """Weight in water per length, w1 [N/m]; negative of a line that floats."""
     diameter: float
     """Drag diameter, d [m]."""
     tangential_drag_coefficient: float = 0.0
     """C_t of Huang's tangential drag (π/2) ρ d C_t |W| W per length [-]."""
+    normal_drag_coefficient: float = 1.2
+    """C_N of the drag across the cable, (1/2) ρ d C_N |U_N| U_N per length [-]; 1.2 is a bare rope. The
+    environment's cable, which moves along itself alone, does not look at it."""
     added_mass_per_length: float = 0.0
     """Added mass in axial motion per length, m_a [kg/m]."""
+    normal_added_mass_coefficient: float = 1.0
+    """Added mass across the cable over the mass of displaced water [-]; 1 is a circular cylinder. The
+    environment's cable does not look at it."""
     axial_damping: float = 0.0
     """Kelvin damping: tension per strain rate, C_A [N·s]."""
     tension_only: bool = False
@@ -210,10 +217,12 @@ class Cable:
     def __post_init__(self) -> None:
         require_number(self, "mass_per_length", non_negative=True)
         require_number(self, "axial_stiffness", positive=True)
-        require_number(self, "submerged_weight", non_negative=True)
+        require_number(self, "submerged_weight")
         require_number(self, "diameter", positive=True)
         require_number(self, "tangential_drag_coefficient", non_negative=True)
+        require_number(self, "normal_drag_coefficient", non_negative=True)
         require_number(self, "added_mass_per_length", non_negative=True)
+        require_number(self, "normal_added_mass_coefficient", non_negative=True)
         require_number(self, "axial_damping", non_negative=True)
         require_number(self, "breaking_strength", positive=True, optional=True)
         require(isinstance(self.tension_only, bool), self, "tension_only", "true or false")
@@ -230,9 +239,36 @@ class Cable:
         return math.sqrt(self.axial_stiffness / inertia) if inertia > 0.0 else math.inf
 
     @property
-    def drag_per_length(self) -> float:
-        """Drag per length over speed squared, (π/2) ρ d C_t [kg/m²]. Source: Huang (1992), (2.47)."""
+    def tangential_drag_per_length(self) -> float:
+        """Drag along the cable over speed squared, (π/2) ρ d C_t [kg/m²]. Source: Huang (1992), (2.47)."""
         return 0.5 * math.pi * SEAWATER_DENSITY * self.diameter * self.tangential_drag_coefficient
+
+    @property
+    def normal_drag_per_length(self) -> float:
+        """Drag across the cable over speed squared, (1/2) ρ d C_N [kg/m²]. Source: Huang (1992), (2.46)."""
+        return 0.5 * SEAWATER_DENSITY * self.diameter * self.normal_drag_coefficient
+
+    @property
+    def normal_added_mass_per_length(self) -> float:
+        """Added mass across the cable, C_M ρ π d² / 4 [kg/m]."""
+        displaced = 0.25 * math.pi * SEAWATER_DENSITY * self.diameter**2
+        return self.normal_added_mass_coefficient * displaced
+
+    @property
+    def transverse_inertia_per_length(self) -> float:
+        """Mass plus added mass across the cable [kg/m]."""
+        return self.mass_per_length + self.normal_added_mass_per_length
+
+    def in_air(self) -> Cable:
+        """The same cable in air: its whole weight, no drag, no added mass."""
+        return replace(
+            self,
+            submerged_weight=self.mass_per_length * GRAVITY,
+            tangential_drag_coefficient=0.0,
+            normal_drag_coefficient=0.0,
+            added_mass_per_length=0.0,
+            normal_added_mass_coefficient=0.0,
+        )
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -242,17 +278,24 @@ class Payload:
     mass: float
     """Mass in air, M_s [kg]."""
     submerged_weight: float
-    """Weight in water, w2 [N]."""
+    """Weight in water, w2 [N]; negative of a float."""
     added_mass: float = 0.0
     """Added mass in heave, M_a [kg]."""
     drag_area: float = 0.0
-    """Drag coefficient times projected area, C_d S [m²]."""
+    """Drag coefficient times projected area in heave, C_d S [m²]."""
+    lateral_added_mass: float | None = None
+    """Added mass in sway and surge [kg]; null: as in heave. The environment does not look at it."""
+    lateral_drag_area: float | None = None
+    """Drag coefficient times projected area in sway and surge [m²]; null: as in heave. The environment does
+    not look at it."""
 
     def __post_init__(self) -> None:
         require_number(self, "mass", positive=True)
-        require_number(self, "submerged_weight", positive=True)
+        require_number(self, "submerged_weight")
         require_number(self, "added_mass", non_negative=True)
         require_number(self, "drag_area", non_negative=True)
+        require_number(self, "lateral_added_mass", non_negative=True, optional=True)
+        require_number(self, "lateral_drag_area", non_negative=True, optional=True)
 
     @property
     def inertia(self) -> float:
@@ -263,6 +306,121 @@ class Payload:
     def drag_factor(self) -> float:
         """Drag over speed squared, (1/2) ρ C_d S [kg/m]. Source: Morison et al. (1950), drag term."""
         return 0.5 * SEAWATER_DENSITY * self.drag_area
+
+    @property
+    def lateral_inertia(self) -> float:
+        """Mass plus added mass in sway and surge [kg]."""
+        return self.inertia if self.lateral_added_mass is None else self.mass + self.lateral_added_mass
+
+    @property
+    def lateral_drag_factor(self) -> float:
+        """Drag over speed squared in sway and surge, (1/2) ρ C_d S [kg/m]."""
+        area = self.drag_area if self.lateral_drag_area is None else self.lateral_drag_area
+        return 0.5 * SEAWATER_DENSITY * area
+
+    def in_air(self) -> Payload:
+        """The same body in air: its whole weight, no drag, no added mass."""
+        return Payload(mass=self.mass, submerged_weight=self.mass * GRAVITY)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Section:
+    """A uniform part of a line."""
+
+    cable: Cable
+    """What it is made of."""
+    length: float
+    """Unstretched length [m]."""
+
+    def __post_init__(self) -> None:
+        require_number(self, "length", positive=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Attachment:
+    """A float, clump weight or instrument fixed to a line."""
+
+    arc_length: float
+    """Unstretched distance from the line's lower end [m]."""
+    body: Payload
+    """The body."""
+
+    def __post_init__(self) -> None:
+        require_number(self, "arc_length", non_negative=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Line:
+    """A line of uniform sections with bodies on it; arc length runs unstretched from its lower end up."""
+
+    sections: tuple[Section, ...]
+    """The sections, the lowest first."""
+    attachments: tuple[Attachment, ...] = ()
+    """Bodies along the line; one at its lower end is the payload's business."""
+
+    def __post_init__(self) -> None:
+        require(len(self.sections) > 0, self, "sections", "at least one section")
+        for attachment in self.attachments:
+            if attachment.arc_length > self.length:
+                raise ValueError(
+                    f"Attachment.arc_length must lie on the line of {self.length:g} m, got "
+                    f"{attachment.arc_length!r}"
+                )
+
+    @staticmethod
+    def uniform(cable: Cable, length: float) -> Line:
+        """A line of one section, `length` in m."""
+        return Line(sections=(Section(cable=cable, length=length),))
+
+    @property
+    def length(self) -> float:
+        """Unstretched length [m]."""
+        return sum(section.length for section in self.sections)
+
+    @property
+    def submerged_weight(self) -> float:
+        """Weight in water of sections and attachments [N]."""
+        of_sections = sum(section.cable.submerged_weight * section.length for section in self.sections)
+        return of_sections + sum(attachment.body.submerged_weight for attachment in self.attachments)
+
+
+@dataclass(frozen=True, kw_only=True)
+class Current:
+    """Horizontal current: a profile over depth, times a factor over time, both linear between knots.
+
+    Between knots the velocity's components are interpolated, beyond the first and last the nearest holds.
+    Axes: x and y horizontal, z up from the mean surface, depth = -z.
+    """
+
+    depth: tuple[float, ...] = (0.0,)
+    """Depths of the profile's knots below the mean surface, increasing [m]."""
+    speed: tuple[float, ...] = (0.0,)
+    """Speed at each knot [m/s]."""
+    direction: tuple[float, ...] = (0.0,)
+    """Where it flows to at each knot, from x towards y [rad]."""
+    time: tuple[float, ...] = (0.0,)
+    """Instants of the factor's knots, increasing [s]."""
+    factor: tuple[float, ...] = (1.0,)
+    """What multiplies the speed at each instant [-]."""
+
+    def __post_init__(self) -> None:
+        for field in ("depth", "speed", "direction", "time", "factor"):
+            values = getattr(self, field)
+            ok = isinstance(values, tuple) and len(values) > 0
+            ok = ok and all(isinstance(v, (int, float)) and math.isfinite(v) for v in values)
+            require(ok, self, field, "finite numbers, at least one")
+        for field in ("depth", "time"):
+            values = getattr(self, field)
+            increasing = all(a < b for a, b in itertools.pairwise(values))
+            require(increasing, self, field, "numbers that increase")
+        for field, knots in (("speed", self.depth), ("direction", self.depth), ("factor", self.time)):
+            wanted = f"{len(knots)} numbers, one at each knot"
+            require(len(getattr(self, field)) == len(knots), self, field, wanted)
+
+    @staticmethod
+    def uniform(speed: float, direction: float = 0.0) -> Current:
+        """The same current everywhere and always; m/s and rad."""
+        return Current(speed=(speed,), direction=(direction,))
 
 
 @dataclass(frozen=True, kw_only=True)

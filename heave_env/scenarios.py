@@ -141,6 +141,8 @@ class Scenario:
             require(self.task.tension_limit is None, self.task, "tension_limit", "null with a linear_payload")
         else:
             require(self.payload is not None, self, "payload", "given with a cable")
+            require_number(self.payload, "submerged_weight", positive=True)
+            require_number(self.cable, "submerged_weight", non_negative=True)
             require(self.length is not None, self, "length", "a positive number with a cable")
             require_number(self, "length", positive=True)
             shortest = self.initial_length + min(
@@ -350,6 +352,9 @@ class Scenario:
         content = to_mapping(self)
         for label in ("name", "description", "tags"):
             content.pop(label)
+        for part, keys in _ACROSS.items():
+            for key in keys if content[part] is not None else ():
+                content[part].pop(key)
         canonical = json.dumps(content, sort_keys=True)
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 
@@ -357,6 +362,13 @@ class Scenario:
     def environment_id(self) -> str:
         """The id that Gymnasium knows a named scenario by."""
         return f"heave_env/{self.name}-v{self.version}"
+
+
+_ACROSS = {
+    "cable": ("normal_drag_coefficient", "normal_added_mass_coefficient"),
+    "payload": ("lateral_added_mass", "lateral_drag_area"),
+}
+"""What only motion across the cable asks for, which this plant does not have."""
 
 
 # To and from mappings and YAML -------------------------------------------------------------------

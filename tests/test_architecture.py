@@ -20,6 +20,7 @@ HOMES = {  # the first room in which a package may be imported
     "tensorboard": "agents",
     "matplotlib": "experiments",
     "jinja2": "experiments",
+    "moordyn": "experiments",
 }
 LAYERS = (  # inside heave_env, from the bottom; a module imports none above its own layer
     ("parameters", "compiled", "layout", "lanes", "streams", "files", "provenance"),

@@ -34,6 +34,7 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
+from heave_env.cable.constitutive import taut_tension
 from heave_env.compiled import source_fingerprint, stage
 from heave_env.lanes import block_of_lanes, row
 from heave_env.layout import (
@@ -68,7 +69,7 @@ from heave_env.layout import (
     TRIAL_VELOCITY,
     VELOCITY,
 )
-from heave_env.parameters import Cable, Payload
+from heave_env.parameters import Cable, Payload, require_integer, require_number
 
 Array = np.ndarray
 
@@ -84,11 +85,8 @@ _PER_MID_SPACING = SCRATCH + 5
 def _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, first):
     """Linearised law of each element about the trial state: T = tension + stiffness · (D_{j+1} - D_j).
 
-    T is the mean over the step, D the displacement gained to mid-step. A tension-only element stores
-    the energy EA max(e, 0)²/2, and its mean elastic tension is the change of that energy over the
-    change of strain (the discrete gradient), so that going slack and snapping taut neither makes nor
-    loses energy; Kelvin damping acts on the taut part of the strain, and what would still be
-    compression is zero.
+    T is the mean over the step, D the displacement gained to mid-step. A linear cable's law stands here in
+    increments, whose small numbers single precision keeps; a tension-only one's is `taut_tension`.
     """
     real = S.dtype.type
     beta, per_dt = real(2.0 / dt), real(1.0 / dt)
@@ -111,16 +109,9 @@ def _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, first):
                 ) * per_spacing
                 gained_to_middle = zero if first else gained_to_middle
                 new = two * (base + gained_to_middle) - old
-                taut_new, taut_old = max(new, zero), max(old, zero)
-                crosses = (new > zero) != (old > zero)
-                change = new - old if crosses else one
-                gained = half * (taut_new * taut_new - taut_old * taut_old) / change
-                mean = gained if crosses else half * (taut_new + taut_old)
-                slope = (taut_new - gained) / change if crosses else (half if new > zero else zero)
-                tension = EA * mean + CA * per_dt * (taut_new - taut_old)
-                stiffness = two * EA * slope + (beta * CA if new > zero else zero)
-                stiffness = stiffness if tension > zero else zero
-                tension = (tension if tension > zero else zero) - stiffness * gained_to_middle
+                tension, slope = taut_tension(old, new, EA, CA, per_dt, zero, half, one)
+                stiffness = two * slope
+                tension -= stiffness * gained_to_middle
             row(S, here + ELEMENT_STIFFNESS)[lane] = stiffness * per_spacing
             row(S, here + ELEMENT_TENSION)[lane] = tension
 
@@ -339,7 +330,7 @@ def fill_parameters(S: Array, cable: Cable, payload: Payload) -> None:
     S[..., CABLE_DAMPING, :] = cable.axial_damping
     S[..., CABLE_INERTIA, :] = cable.inertia_per_length
     S[..., CABLE_WEIGHT, :] = cable.submerged_weight
-    S[..., CABLE_DRAG, :] = cable.drag_per_length
+    S[..., CABLE_DRAG, :] = cable.tangential_drag_per_length
     S[..., PAYLOAD_INERTIA, :] = payload.inertia
     S[..., PAYLOAD_WEIGHT, :] = payload.submerged_weight
     S[..., PAYLOAD_DRAG, :] = payload.drag_factor
@@ -420,6 +411,13 @@ class AxialSolver:
     n_elements: int = 20
     n_iterations: int = 2
     """Newton iterations per step [-]."""
+
+    def __post_init__(self) -> None:
+        require_number(self, "length", positive=True)
+        require_integer(self, "n_elements", minimum=1)
+        require_integer(self, "n_iterations", minimum=1)
+        require_number(self.payload, "submerged_weight", positive=True)
+        require_number(self.cable, "submerged_weight", non_negative=True)
 
     @cached_property
     def _bottom(self) -> int:

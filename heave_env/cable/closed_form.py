@@ -89,7 +89,7 @@ def linearised_payload_std(
             payload,
             length,
             payload_damping=factor * payload.drag_factor * speed,
-            cable_damping=factor * cable.drag_per_length * 0.5 * (speed + top_speed),
+            cable_damping=factor * cable.tangential_drag_per_length * 0.5 * (speed + top_speed),
         )
         new = math.sqrt(float(np.sum(variance * np.abs(omega * response) ** 2)))
         # Halfway steps: near resonance the full step overshoots.

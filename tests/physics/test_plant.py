@@ -116,7 +116,7 @@ def test_steady_lowering_lifts_the_payload_by_its_drag():
     at = np.searchsorted(record["time"], 250.0)
     L = record["length"][at, 0]
     payload, cable = scenario.payload, scenario.cable
-    drag = payload.drag_factor * 4.0 * L + 0.5 * cable.drag_per_length * 4.0 * L**2
+    drag = payload.drag_factor * 4.0 * L + 0.5 * cable.tangential_drag_per_length * 4.0 * L**2
     assert record["payload_heave"][at - 100 : at + 100, 0].mean() == pytest.approx(
         drag / cable.axial_stiffness, rel=0.02
     )

@@ -1,0 +1,1 @@
+"""Named cases of every solver: parameters in, quantities, tables and pictures out."""

@@ -1,0 +1,1 @@
+"""Every solver held against closed forms, published figures, the others and an independent code."""
