@@ -11,8 +11,7 @@ import difflib
 import itertools
 import math
 from collections.abc import Iterable
-from dataclasses import dataclass, fields, replace
-from typing import Any
+from dataclasses import dataclass, replace
 
 SEAWATER_DENSITY = 1025.0
 """Density of sea water [kg/m³] (UNESCO EOS-80 at 35 psu and 11 °C: 1026; engineering value)."""
@@ -66,11 +65,6 @@ def name_hint(name: object, known: Iterable[str], otherwise: str) -> str:
     """What to say of an unknown name: the known one that it resembles, or else `otherwise`."""
     close = difflib.get_close_matches(str(name), list(known), n=1)
     return f"did you mean {close[0]!r}?" if close else otherwise
-
-
-def as_mapping(owner: Any) -> dict[str, Any]:
-    """The fields of a parameter object by name, in the order of their definition."""
-    return {field.name: getattr(owner, field.name) for field in fields(owner)}
 
 
 @dataclass(frozen=True, kw_only=True)

@@ -7,22 +7,21 @@ else.
 
 from __future__ import annotations
 
-import ast
 import dataclasses
 import hashlib
 import inspect
 import json
 import math
-import textwrap
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from functools import cached_property
 from itertools import pairwise
 from pathlib import Path
-from typing import Any
+from typing import Any, cast
 
 import numpy as np
 
+from heave_env import document
 from heave_env.parameters import (
     Cable,
     LinearPayload,
@@ -31,7 +30,6 @@ from heave_env.parameters import (
     SeaState,
     Vessel,
     Winch,
-    as_mapping,
     name_hint,
     peak_omega_of_zero_crossing_period,
     require,
@@ -373,29 +371,10 @@ _ACROSS = {
 
 # To and from mappings and YAML -------------------------------------------------------------------
 
-_PARTS: dict[str, type] = {
-    "sea_state": SeaState,
-    "vessel": Vessel,
-    "winch": Winch,
-    "cable": Cable,
-    "payload": Payload,
-    "linear_payload": LinearPayload,
-    "pay_out": PayOut,
-    "task": Task,
-}
-
 
 def to_mapping(scenario: Scenario) -> dict[str, Any]:
     """The scenario as nested plain dictionaries, lists, strings and numbers."""
-    mapping: dict[str, Any] = {}
-    for key, value in as_mapping(scenario).items():
-        if key in _PARTS:
-            mapping[key] = None if value is None else as_mapping(value)
-        elif key == "sensors":
-            mapping[key] = [as_mapping(sensor) for sensor in value]
-        else:
-            mapping[key] = list(value) if isinstance(value, tuple) else value
-    return mapping
+    return document.to_mapping(scenario)
 
 
 def from_mapping(mapping: Any) -> Scenario:
@@ -404,44 +383,7 @@ def from_mapping(mapping: Any) -> Scenario:
     Raises:
         ValueError: If a key is unknown or missing, or a value is impossible.
     """
-    if not isinstance(mapping, dict):
-        raise ValueError(f"a scenario must be a mapping of keys to values, got {type(mapping).__name__}")
-    values = dict(mapping)
-    for key, kind in _PARTS.items():
-        if values.get(key) is not None:
-            values[key] = _build(kind, values[key], key)
-    if "sensors" in values:
-        sensors = values["sensors"]
-        if not isinstance(sensors, list):
-            raise ValueError(f"sensors must be a list of sensors, got {sensors!r}")
-        values["sensors"] = tuple(_build(Sensor, item, f"sensors[{i}]") for i, item in enumerate(sensors))
-    for key in ("tags", "history_lags"):
-        if isinstance(values.get(key), list):
-            values[key] = tuple(values[key])
-    return _build(Scenario, values, "")
-
-
-def _build(kind: type, values: Any, path: str) -> Any:
-    if not isinstance(values, dict):
-        raise ValueError(f"{path} must be a mapping of keys to values, got {values!r}")
-    known = {item.name: item for item in dataclasses.fields(kind)}
-    where = f"{path}." if path else ""
-    for key in values:
-        if key not in known:
-            hint = name_hint(key, known, f"known keys: {', '.join(known)}")
-            raise ValueError(f"unknown key '{where}{key}'; {hint}")
-    for key, item in known.items():
-        required = item.default is dataclasses.MISSING and item.default_factory is dataclasses.MISSING
-        if required and key not in values:
-            raise ValueError(f"missing key '{where}{key}'; give it a value")
-    converted = {}
-    for key, value in values.items():
-        annotation = str(known[key].type)
-        # YAML reads 5 as an integer: a length of 5 is a length of 5.0, whatever its spelling.
-        if annotation.startswith("float") and isinstance(value, int) and not isinstance(value, bool):
-            value = float(value)
-        converted[key] = value
-    return kind(**converted)
+    return cast(Scenario, document.from_mapping(Scenario, mapping))
 
 
 def with_value(scenario: Scenario, path: str, value: Any) -> Scenario:
@@ -452,93 +394,13 @@ def with_value(scenario: Scenario, path: str, value: Any) -> Scenario:
     Raises:
         ValueError: If the path leads nowhere or the value is impossible.
     """
-    mapping = to_mapping(scenario)
-    keys = path.split(".")
-    place: Any = mapping
-    for depth, key in enumerate(keys):
-        if isinstance(place, list):
-            by_channel = {item["channel"]: item for item in place if isinstance(item, dict)}
-            known = list(by_channel)
-        else:
-            by_channel = {}
-            known = list(place) if isinstance(place, dict) else []
-        if key not in known:
-            hint = name_hint(key, known, f"known keys here: {', '.join(known) or 'none'}")
-            raise ValueError(f"unknown key {path!r}: there is no {key!r}; {hint}")
-        if depth == len(keys) - 1:
-            if by_channel:
-                raise ValueError(
-                    f"{path!r} names a whole sensor; name one of its values, as {path}.noise_std"
-                )
-            place[key] = value
-        else:
-            place = by_channel[key] if by_channel else place[key]
-            if place is None:
-                raise ValueError(f"cannot set {path!r}: {key!r} is null in scenario {scenario.name!r}")
-    return from_mapping(mapping)
-
-
-def field_docs(kind: type) -> dict[str, str]:
-    """The docstring beneath each field of a parameter class, as one line each."""
-    tree = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]
-    assert isinstance(tree, ast.ClassDef)
-    docs = {}
-    for node, following in zip(tree.body, tree.body[1:], strict=False):
-        if (
-            isinstance(node, ast.AnnAssign)
-            and isinstance(node.target, ast.Name)
-            and isinstance(following, ast.Expr)
-            and isinstance(following.value, ast.Constant)
-            and isinstance(following.value.value, str)
-        ):
-            docs[node.target.id] = " ".join(following.value.value.split())
-    return docs
+    return cast(Scenario, document.with_value(scenario, path, value))
 
 
 def to_yaml(scenario: Scenario) -> str:
     """The scenario as YAML, each key explained by a comment; `read` takes it back unchanged."""
-    lines = [
-        f"# heave_env scenario {scenario.name}. Units are SI; heave is positive up, pay-out outwards.",
-    ]
-    mapping = to_mapping(scenario)
-    docs = field_docs(Scenario)
-    for key, value in mapping.items():
-        if key in _PARTS:
-            summary = (inspect.getdoc(_PARTS[key]) or "").splitlines()[0]
-            lines += ["", f"# {summary}"]
-            if value is None:
-                lines.append(f"{key}: null")
-                continue
-            lines.append(f"{key}:")
-            part_docs = field_docs(_PARTS[key])
-            for name, item in value.items():
-                lines += _commented(name, item, part_docs.get(name, ""), "  ")
-        elif key == "sensors":
-            lines += ["", f"# {docs[key]}", "sensors:"]
-            for sensor in value:
-                lines.append(f"  - channel: {sensor['channel']}")
-                for name, item in sensor.items():
-                    if name != "channel":
-                        lines.append(f"    {name}: {_scalar(item)}")
-        else:
-            lines += _commented(key, value, docs.get(key, ""), "")
-    return "\n".join(lines) + "\n"
-
-
-def _commented(key: str, value: Any, doc: str, indent: str) -> list[str]:
-    comments = textwrap.wrap(doc, 100, initial_indent=f"{indent}# ", subsequent_indent=f"{indent}# ")
-    return [*comments, f"{indent}{key}: {_scalar(value)}"]
-
-
-def _scalar(value: Any) -> str:
-    # JSON's scalars and flow lists are YAML's too; Python's repr of a float keeps every digit, but YAML
-    # 1.1 wants a point and a signed exponent to see a float in it.
-    if isinstance(value, float):
-        text = repr(value)
-        if "e" in text and "." not in text:
-            text = text.replace("e", ".0e")
-        return text
-    return json.dumps(value, ensure_ascii=False)
+    units = "Units are SI; heave is positive up, pay-out outwards."
+    return document.to_yaml(scenario, f"heave_env scenario {scenario.name}. {units}")
 
 
 def read(path: str | Path) -> Scenario:
@@ -549,16 +411,8 @@ def read(path: str | Path) -> Scenario:
     Raises:
         ValueError: If the file cannot be read, is no YAML, or holds no valid scenario.
     """
-    import yaml
-
     path = Path(path)
-    try:
-        mapping = yaml.safe_load(path.read_text(encoding="utf-8"))
-    except OSError as error:
-        raise ValueError(f"cannot read scenario file {str(path)!r}: {error.strerror}") from error
-    except (yaml.YAMLError, UnicodeDecodeError) as error:
-        detail = " ".join(str(error).split())
-        raise ValueError(f"{str(path)!r} is not valid YAML: {detail}") from error
+    mapping = document.read_mapping(path, "scenario")
     try:
         sea = mapping.get("sea_state") if isinstance(mapping, dict) else None
         if isinstance(sea, dict) and isinstance(sea.get("recording"), str):

@@ -23,7 +23,7 @@ HOMES = {  # the first room in which a package may be imported
     "moordyn": "experiments",
 }
 LAYERS = (  # inside heave_env, from the bottom; a module imports none above its own layer
-    ("parameters", "compiled", "layout", "lanes", "streams", "files", "provenance"),
+    ("parameters", "document", "compiled", "layout", "lanes", "streams", "files", "provenance"),
     ("sea", "vessel", "winch", "hydrodynamics"),
     ("cable",),
     ("sensors", "task"),

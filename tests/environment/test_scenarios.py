@@ -11,7 +11,7 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
-from heave_env import scenarios
+from heave_env.document import field_docs
 from heave_env.parameters import Cable, Payload, SeaState, Winch
 from heave_env.scenarios import Scenario, from_mapping, load, names, read, to_mapping, to_yaml, with_value
 
@@ -80,10 +80,10 @@ def test_command_range_is_ample_in_linear_scenarios(name):
         ("sea_state.kind", "recorded", "recording must be the path of a motion file"),
         ("information_set", "oracle", "must be one of full_state, sensors, sensors_history"),
         ("sensors.payload_depth.delay", 0.1, "there is no 'payload_depth'"),
-        ("sensors.payload_heave", 0.1, "names a whole sensor"),
+        ("sensors.payload_heave", 0.1, "names a whole entry; name one of its values"),
         ("sensors.payload_heave.delay", 0.13, "whole number of control steps"),
         ("linear_payload", {"inertia": 1.0, "damping": 0.1}, "given exactly when the other"),
-        ("linear_payload.inertia", 1.0, "'linear_payload' is null in scenario"),
+        ("linear_payload.inertia", 1.0, "'linear_payload' is null in 'sea_state_5'"),
         ("length", 1.0, "longer than what recovery and the winch's reach"),
         ("history_lags", [3, 1], "increasing whole numbers"),
         ("n_elements", 2.5, "an integer of at least 1"),
@@ -140,7 +140,7 @@ def test_recording_is_looked_up_beside_the_yaml(tmp_path):
 
 @pytest.mark.parametrize("kind", [Cable, Payload, Winch, Scenario])
 def test_every_field_has_a_docstring(kind):
-    documented = scenarios.field_docs(kind)
+    documented = field_docs(kind)
     undocumented = [
         item.name
         for item in dataclasses.fields(kind)
