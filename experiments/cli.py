@@ -15,8 +15,11 @@ from typing import Any, NoReturn
 
 from experiments.rollout import FIRST_TEST_SEED
 from heave_env import __version__, scenarios
+from heave_env.cable.convergence import ConvergenceError
 from heave_env.scenarios import Scenario
 
+FAILED = 1
+"""Exit code of a validation that failed."""
 BAD_INPUT = 2
 """Exit code of a wrong input."""
 INTERRUPTED = 130
@@ -46,21 +49,21 @@ def main(arguments: Sequence[str] | None = None) -> int:
     try:
         options.run(options)
         sys.stdout.flush()
-    except ValueError as error:
+    except (ValueError, ConvergenceError) as error:
         print(f"heave: {' '.join(str(error).split())}", file=sys.stderr)
         return BAD_INPUT
     except ModuleNotFoundError as error:
         print(f"heave: this needs the package {error.name!r}; install it with pip", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        resumes = options.run in (_train, _demo)
+        resumes = options.run in (_train, _demo, _validate, _reproduce)
         hint = "the same command goes on from there" if resumes else "nothing half-written was left behind"
         print(f"heave: interrupted; {hint}", file=sys.stderr)
         return INTERRUPTED
     except BrokenPipeError:  # the reader of our output has left, as `head` does
         os.dup2(os.open(os.devnull, os.O_WRONLY), sys.stdout.fileno())
         return 0
-    return 0
+    return int(options.exit_code)
 
 
 # What can be asked for ---------------------------------------------------------------------------
@@ -81,7 +84,7 @@ def parser() -> Parser:
     def verb(name: str, run: Callable[[argparse.Namespace], None], summary: str, *examples: str) -> Parser:
         epilog = "example:\n" + "\n".join(f"  {example}" for example in examples)
         made = verbs.add_parser(name, help=summary, description=summary + ".", epilog=epilog)
-        made.set_defaults(run=run)
+        made.set_defaults(run=run, exit_code=0)
         return made
 
     demo = verb(
@@ -187,6 +190,57 @@ def parser() -> Parser:
     _add_set(identify)
     identify.add_argument("--nonlinear", action="store_true", help="with quadratic damping, b x'|x'|")
 
+    cases = verb(
+        "cases",
+        _cases,
+        "list the named cases of the solvers, or show one as YAML",
+        "heave cases list",
+        "heave cases show thesis_towed > mine.yaml",
+    )
+    cases.add_argument("action", choices=("list", "show"), help="what to do")
+    cases.add_argument("case", nargs="?", metavar="CASE", help="name or YAML file, for show")
+    cases.add_argument("--solver", metavar="NAME", help="list only the cases of this solver")
+    _add_set(cases)
+
+    solve = verb(
+        "solve",
+        _solve,
+        "run a solver on a case: a lowering, a tow, a mooring, a span",
+        "heave solve thesis_towed",
+        "heave solve mine.yaml --set current.speed=[0.8] --out runs/tow",
+    )
+    solve.add_argument("case", metavar="CASE", help="name (heave cases list) or YAML file")
+    _add_set(solve)
+    solve.add_argument("--out", metavar="DIR", help="folder for numbers, tables and pictures")
+
+    validate = verb(
+        "validate",
+        _validate,
+        "hold every solver against closed forms, published figures, the others and an independent code",
+        "heave validate --out runs/validation",
+        "heave validate statics pendulum_period",
+    )
+    validate.add_argument("names", nargs="*", metavar="NAME", help="cases or solvers (all)")
+    validate.add_argument("--fast", action="store_true", help="leave out what takes more than a few seconds")
+    validate.add_argument("--list", action="store_true", dest="listed", help="list the cases, run none")
+    validate.add_argument("--anew", action="store_true", help="run again what the folder holds")
+    validate.add_argument(
+        "--out", default="runs/validation", metavar="DIR", help="folder for page and tables (runs/validation)"
+    )
+
+    reproduce = verb(
+        "reproduce",
+        _reproduce,
+        "draw the sources' figures anew",
+        'heave reproduce "H 3" "B 9-2" --out runs/gallery',
+    )
+    reproduce.add_argument("labels", nargs="*", metavar="FIGURE", help="figures or chapters (all)")
+    reproduce.add_argument("--list", action="store_true", dest="listed", help="list the figures, draw none")
+    reproduce.add_argument("--anew", action="store_true", help="draw again what the folder holds")
+    reproduce.add_argument(
+        "--out", default="runs/gallery", metavar="DIR", help="folder for the pictures (runs/gallery)"
+    )
+
     bench = verb(
         "bench",
         _bench,
@@ -255,12 +309,20 @@ def scenario_of(name: str, settings: Sequence[str] = ()) -> Scenario:
         ValueError: If there is none, or a setting is impossible.
     """
     scenario = scenarios.load(name)
+    for path, value in _settings(settings, "winch.command_delay=0.4"):
+        scenario = scenarios.with_value(scenario, path, value)
+    return scenario
+
+
+def _settings(settings: Sequence[str], example: str) -> list[tuple[str, Any]]:
+    """Dotted path and value of each `key.path=value`."""
+    pairs = []
     for setting in settings:
         path, equals, text = setting.partition("=")
         if not equals or not path.strip():
-            raise ValueError(f"--set wants KEY.PATH=VALUE, as winch.command_delay=0.4, got {setting!r}")
-        scenario = scenarios.with_value(scenario, path.strip(), _value(setting, text))
-    return scenario
+            raise ValueError(f"--set wants KEY.PATH=VALUE, as {example}, got {setting!r}")
+        pairs.append((path.strip(), _value(setting, text)))
+    return pairs
 
 
 def _value(setting: str, text: str) -> Any:
@@ -401,6 +463,142 @@ def _simulate(options: argparse.Namespace) -> None:
         print(f"heave: the run ended early: {ended}", file=sys.stderr)
     n_rows = int(trajectory.n_valid[0]) + 1
     print(f"{options.out}: {n_rows} rows, {trajectory.time[n_rows - 1]:g} s of {scenario.name}")
+
+
+def _table(*headings: str, wide: str) -> Any:
+    from rich.table import Table
+
+    table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 0, 0))
+    for heading in headings:
+        table.add_column(heading, ratio=1 if heading == wide else None, no_wrap=heading == headings[0])
+    return table
+
+
+def _print(table: Any) -> None:
+    # Units stand in brackets, which Rich would take for its markup.
+    _console(width=None if sys.stdout.isatty() else 160, markup=False).print(table)
+
+
+def _cases(options: argparse.Namespace) -> None:
+    from experiments import solve
+
+    if options.action == "show":
+        if options.case is None:
+            raise ValueError("cases show wants the name of a case; list them with heave cases list")
+        settings = _settings(options.settings, "cable.diameter=0.02")
+        print(solve.to_yaml(*solve.load(options.case, settings)), end="")
+        return
+    if options.case is not None or options.settings:
+        raise ValueError("cases list takes no case and no --set; heave cases show does")
+    found = [item for item in solve.named_cases().values() if options.solver in (None, item.solver)]
+    if not found:
+        known = sorted({item.solver for item in solve.named_cases().values()})
+        raise ValueError(f"no case is of the solver {options.solver!r}; solvers: {', '.join(known)}")
+    table = _table("name", "solver", "description", wide="description")
+    for item in found:
+        table.add_row(item.name, item.solver, item.description)
+    _print(table)
+
+
+def _solve(options: argparse.Namespace) -> None:
+    from experiments import solve
+    from experiments.report import significant
+
+    named, parameters = solve.load(options.case, _settings(options.settings, "cable.diameter=0.02"))
+    outcome = solve.solve(named, parameters, options.out, options.arguments)
+    table = _table("quantity", "value", "unit", "meaning", wide="meaning")
+    for item in outcome.quantities:
+        table.add_row(item.name, significant(item.value, 5), item.unit, item.meaning)
+    _print(table)
+    if options.out is not None:
+        print(f"{options.out}: {len(outcome.tables)} tables, {len(outcome.pictures)} pictures")
+
+
+def _validate(options: argparse.Namespace) -> None:
+    from experiments import validate
+
+    cases = validate.chosen(options.names, fast=options.fast)
+    if options.listed:
+        table = _table("case", "solver", "evidence", "speed", "what is compared", wide="what is compared")
+        for case in cases:
+            table.add_row(case.name, case.room, case.evidence, "slow" if case.slow else "fast", case.summary)
+        _print(table)
+        return
+    with Bars() as advance:
+        everything = validate.validate(
+            options.out,
+            cases,
+            anew=options.anew,
+            arguments=options.arguments,
+            progress=lambda name: advance("validate", "cases", 1, len(cases)),
+        )
+    _print(_every_check(everything) if options.names else _every_case(everything))
+    failures = validate.failed(everything)
+    n_checks = sum(len(found["checks"]) for found in everything)
+    verdict = f"failed: {', '.join(failures)}" if failures else "all passed"
+    print(f"{n_checks} checks in {len(cases)} cases, {verdict}; {options.out}/{validate.PAGE_FILE}")
+    options.exit_code = FAILED if failures else 0
+
+
+def _every_check(everything: Sequence[dict[str, Any]]) -> Any:
+    """A row for each number of each case."""
+    from experiments.validate import error_text, tolerance_text
+
+    def text(value: float | None) -> str:
+        return "–" if value is None else f"{value:.6g}"
+
+    table = _table("case", "quantity", "ours", "reference", "error", "tolerance", "", wide="quantity")
+    for found in everything:
+        if found["skipped"]:
+            table.add_row(found["name"], f"skipped: {found['skipped']}")
+        for check in found["checks"]:
+            numbers = (text(check["ours"]), text(check["reference"]))
+            errors = (error_text(check), tolerance_text(check))
+            verdict = "passed" if check["passed"] else "FAILED"
+            table.add_row(found["name"], check["quantity"], *numbers, *errors, verdict)
+        for item in found["unmatched"]:
+            said = f"{item['quantity']}: {item['reason']}"
+            table.add_row(
+                found["name"], said, text(item["ours"]), text(item["published"]), "", "", "unmatched"
+            )
+    return table
+
+
+def _every_case(everything: Sequence[dict[str, Any]]) -> Any:
+    """A row for each case; what failed is told in full."""
+    from experiments.validate import failed
+
+    table = _table("case", "checks", "", wide="")
+    for found in everything:
+        lost = [check["quantity"] for check in found["checks"] if not check["passed"]]
+        verdict = "FAILED" if failed([found]) else "passed"
+        if found["skipped"]:
+            verdict = f"skipped: {found['skipped']}"
+        elif found["unmatched"]:
+            verdict += f"; {len(found['unmatched'])} published numbers unmatched"
+        said = f"{verdict}: {'; '.join(lost)}" if lost else verdict
+        table.add_row(found["name"], str(len(found["checks"])), said)
+    return table
+
+
+def _reproduce(options: argparse.Namespace) -> None:
+    from experiments import reproduce
+
+    wanted = reproduce.chosen(options.labels)
+    if options.listed:
+        table = _table("figure", "what it shows", wide="what it shows")
+        for item in wanted:
+            table.add_row(item.label, item.title)
+        _print(table)
+        return
+    with Bars() as advance:
+        page = reproduce.reproduce(
+            options.out,
+            wanted,
+            anew=options.anew,
+            progress=lambda label: advance("reproduce", "figures", 1, len(wanted)),
+        )
+    print(f"{page}: {len(wanted)} figures")
 
 
 def _train(options: argparse.Namespace) -> None:

@@ -1,10 +1,10 @@
-"""Figures of a comparison, from what its folder holds; each comes back as the text of an SVG."""
+"""How figures look, and those of a comparison, each the text of an SVG from what its folder holds."""
 
 from __future__ import annotations
 
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -73,6 +73,41 @@ def _figure(*args: Any, **kwargs: Any) -> tuple[Any, Any]:
 
     figure = Figure(layout="constrained", figsize=kwargs.pop("figsize"))
     return figure, figure.subplots(*args, **kwargs)
+
+
+def _on_canvas(draw: Callable[[Any], Any], size: tuple[float, float]) -> tuple[Any, Any]:
+    import matplotlib
+    from matplotlib.figure import Figure
+
+    context: Any = matplotlib.rc_context
+    with context(STYLE):
+        figure = Figure(layout="constrained", figsize=size)
+        return figure, draw(figure)
+
+
+def svg(draw: Callable[[Any], None], size: tuple[float, float] = (6.5, 3.8)) -> str:
+    """The SVG text of what a function draws on an empty figure of that size [in]."""
+    import matplotlib
+
+    figure, _ = _on_canvas(draw, size)
+    context: Any = matplotlib.rc_context
+    with context(STYLE):
+        return _drawn(figure)
+
+
+def png(draw: Callable[[Any], Any], size: tuple[float, float], dpi: int) -> tuple[bytes, Any]:
+    """A picture as a small PNG file of few colours, and what the drawing function returned."""
+    import matplotlib
+    from PIL import Image
+
+    figure, returned = _on_canvas(draw, size)
+    buffer, small = io.BytesIO(), io.BytesIO()
+    context: Any = matplotlib.rc_context
+    with context(STYLE):
+        figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
+    image = Image.open(buffer).convert("RGB").quantize(64, method=Image.Quantize.MEDIANCUT)
+    image.save(small, format="png", optimize=True)
+    return small.getvalue(), returned
 
 
 def _styled(draw: Any) -> Any:

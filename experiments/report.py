@@ -2,20 +2,18 @@
 
 from __future__ import annotations
 
-import base64
 import math
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from experiments import figures, runs
+from experiments import figures, page, runs
 
 Array = np.ndarray
 
 DASH = "–"
 """Stands for a number that does not exist."""
-TEMPLATES = Path(__file__).parent / "templates"
 
 
 NOTHING = 1e-12
@@ -192,10 +190,6 @@ def _scaled(value: float | None, factor: float) -> float | None:
     return None if value is None else factor * value
 
 
-def _embedded(svg: str) -> str:
-    return "data:image/svg+xml;base64," + base64.b64encode(svg.encode("utf-8")).decode("ascii")
-
-
 def scenario_figures(
     name: str,
     labels: list[str],
@@ -264,7 +258,9 @@ def scenario_figures(
             figures.distribution(heave_std),
         ),
     ]
-    return [{"caption": caption, "width": width, "source": _embedded(svg)} for caption, width, svg in drawn]
+    return [
+        {"caption": caption, "width": width, "source": page.embedded(svg)} for caption, width, svg in drawn
+    ]
 
 
 def _scenario_view(
@@ -334,8 +330,6 @@ def render(folder: str | Path) -> str:
     Raises:
         ValueError: If the folder holds no comparison, or one that is broken.
     """
-    import jinja2
-
     folder = Path(folder)
     run, found = load(folder)
     arrays = runs.read_arrays(folder / runs.TRAJECTORIES_FILE)
@@ -361,10 +355,7 @@ def render(folder: str | Path) -> str:
         raise ValueError(
             f"the comparison in {str(folder)!r} is incomplete ({error}); run heave compare again"
         ) from error
-    loader = jinja2.Environment(
-        loader=jinja2.FileSystemLoader(TEMPLATES), autoescape=True, trim_blocks=True, lstrip_blocks=True
-    )
-    return loader.get_template("report.html.j2").render(context)
+    return page.render("report.html.j2", context)
 
 
 def write_report(folder: str | Path) -> Path:
