@@ -13,7 +13,20 @@ from experiments import cli
 from heave_env import scenarios
 
 ROOT = Path(__file__).resolve().parents[2]
-VERBS = ("demo", "scenarios", "simulate", "train", "compare", "report", "identify", "bench")
+VERBS = (
+    "demo",
+    "scenarios",
+    "simulate",
+    "train",
+    "compare",
+    "report",
+    "identify",
+    "cases",
+    "solve",
+    "validate",
+    "reproduce",
+    "bench",
+)
 
 
 def heave(*arguments: str, **options) -> subprocess.CompletedProcess[str]:
