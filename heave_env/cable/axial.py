@@ -23,11 +23,14 @@ Scheme: the implicit midpoint rule with a finite-volume grid in y (half a cell o
 payload). Second order in time and space, unconditionally stable, without algorithmic damping; drag is
 linearised by Newton about the last velocity. Each step is one tridiagonal solve per iteration. A
 linear cable wants one iteration; a tension-only one several, and Kelvin damping of some milliseconds
-(C_A = EA · 5 ms): without it the chain does not settle as the grid is refined.
+(C_A = EA · 5 ms): without it the chain does not settle as the grid is refined. The environment's kernel
+counts its iterations; `AxialSolver` watches those of a tension-only cable settle, and halves a step that
+does not.
 """
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
 from functools import cached_property
 
@@ -35,6 +38,7 @@ import numpy as np
 from numba import njit
 
 from heave_env.cable.constitutive import taut_tension
+from heave_env.cable.convergence import ConvergenceError
 from heave_env.compiled import source_fingerprint, stage
 from heave_env.lanes import block_of_lanes, row
 from heave_env.layout import (
@@ -69,7 +73,7 @@ from heave_env.layout import (
     TRIAL_VELOCITY,
     VELOCITY,
 )
-from heave_env.parameters import Cable, Payload, require_integer, require_number
+from heave_env.parameters import Cable, Payload, require, require_integer, require_number
 
 Array = np.ndarray
 
@@ -79,6 +83,10 @@ _NODE_DRAG = SCRATCH + 2
 _NODE_WEIGHT = SCRATCH + 3
 _PER_OLD_SPACING = SCRATCH + 4
 _PER_MID_SPACING = SCRATCH + 5
+
+_MOST_ITERATIONS = 40  # of a tension-only cable, before its step is halved
+_MOST_PIECES = 1024  # that a step is halved into
+_SETTLED = 1e-9  # change of a velocity within an iteration, relative to the fastest or to 1 m/s
 
 
 @stage
@@ -226,17 +234,11 @@ def _backward_pass(S, at, n_elements, n_lanes, dt):
 
 
 @stage
-def cable_step(S, at, n_elements, n_iterations, n_lanes, dt, tension_only):
-    """Advances cable and payload by one solver step.
-
-    Reads the sheave's displacement and the length at both ends of the step (`SHEAVE_OLD`, `SHEAVE_NEW`,
-    `LENGTH_OLD`, `LENGTH`); rewrites the nodes. `at` holds the row at which each node begins: were it
-    computed, the compiler would test the rows of all nodes at once for overlap, which rows that lie
-    between each other fail, and run the scalar loops.
-    """
+def _begin_step(S, n_elements, n_lanes):
+    """What the step's two lengths fix once for all iterations: convection, mass, drag, weight, spacings."""
     real = S.dtype.type
     h = real(1.0 / n_elements)
-    half, one, two = real(0.5), real(1.0), real(2.0)
+    half, one = real(0.5), real(1.0)
     for lane in range(n_lanes):
         middle = half * (row(S, LENGTH_OLD)[lane] + row(S, LENGTH)[lane])
         V = row(S, LENGTH_SPEED)[lane]
@@ -247,10 +249,13 @@ def cable_step(S, at, n_elements, n_iterations, n_lanes, dt, tension_only):
         row(S, _NODE_WEIGHT)[lane] = row(S, CABLE_WEIGHT)[lane] * middle * h
         row(S, _PER_OLD_SPACING)[lane] = one / (h * row(S, LENGTH_OLD)[lane])
         row(S, _PER_MID_SPACING)[lane] = one / (h * middle)
-    for iteration in range(n_iterations):
-        _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, iteration == 0)
-        _forward_pass(S, at, n_elements, n_lanes, dt, iteration == 0)
-        _backward_pass(S, at, n_elements, n_lanes, dt)
+
+
+@stage
+def _end_step(S, at, n_elements, n_lanes):
+    """Moves the nodes on by twice their increments to mid-step."""
+    real = S.dtype.type
+    two = real(2.0)
     for lane in range(n_lanes):
         row(S, at[0] + DISPLACEMENT)[lane] = row(S, SHEAVE_NEW)[lane]
     for j in range(1, n_elements + 1):
@@ -260,6 +265,52 @@ def cable_step(S, at, n_elements, n_iterations, n_lanes, dt, tension_only):
             row(S, here + VELOCITY)[lane] = (
                 two * row(S, here + TRIAL_VELOCITY)[lane] - row(S, here + VELOCITY)[lane]
             )
+
+
+@stage
+def cable_step(S, at, n_elements, n_iterations, n_lanes, dt, tension_only):
+    """Advances cable and payload by one solver step.
+
+    Reads the sheave's displacement and the length at both ends of the step (`SHEAVE_OLD`, `SHEAVE_NEW`,
+    `LENGTH_OLD`, `LENGTH`); rewrites the nodes. `at` holds the row at which each node begins: were it
+    computed, the compiler would test the rows of all nodes at once for overlap, which rows that lie
+    between each other fail, and run the scalar loops.
+    """
+    _begin_step(S, n_elements, n_lanes)
+    for iteration in range(n_iterations):
+        _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, iteration == 0)
+        _forward_pass(S, at, n_elements, n_lanes, dt, iteration == 0)
+        _backward_pass(S, at, n_elements, n_lanes, dt)
+    _end_step(S, at, n_elements, n_lanes)
+
+
+@stage
+def _settled_step(S, at, n_elements, n_iterations, dt, tension_only, trial):
+    """`cable_step` of a single lane; a tension-only cable iterates on until its velocities settle.
+
+    Returns the last change of a velocity within an iteration [m/s], relative where that is above 1 m/s: zero
+    for a cable that carries compression, whose iterations are counted, not watched.
+    """
+    _begin_step(S, n_elements, 1)
+    change = 0.0
+    for j in range(n_elements + 1):
+        trial[j] = S[at[j] + VELOCITY, 0]
+    for iteration in range(max(n_iterations, _MOST_ITERATIONS if tension_only else 1)):
+        _constitutive_pass(S, at, n_elements, 1, dt, tension_only, iteration == 0)
+        _forward_pass(S, at, n_elements, 1, dt, iteration == 0)
+        _backward_pass(S, at, n_elements, 1, dt)
+        if tension_only:
+            change, fastest = 0.0, 1.0
+            for j in range(1, n_elements + 1):
+                velocity = S[at[j] + TRIAL_VELOCITY, 0]
+                change = max(change, abs(velocity - trial[j]))
+                fastest = max(fastest, abs(velocity))
+                trial[j] = velocity
+            change /= fastest
+            if iteration + 1 >= n_iterations and change <= _SETTLED:
+                break
+    _end_step(S, at, n_elements, 1)
+    return change
 
 
 @stage
@@ -338,24 +389,59 @@ def fill_parameters(S: Array, cable: Cable, payload: Payload) -> None:
 
 def _make_march(fingerprint: int):
     @njit(cache=True, error_model="numpy")
-    def march(state, at, n_elements, n_iterations, dt, tension_only, sheave, length, out):
-        """Drives one cable through given sheave displacements and lengths; fills `out` (n_steps + 1, 4)."""
+    def march(state, at, n_elements, n_iterations, dt, tension_only, sheave, length, out, envelope):
+        """Drives one cable through given sheave displacements and lengths.
+
+        Fills `out` (n_steps + 1, 6) and the least and most tension of each element, `envelope` (2,
+        n_elements). Returns the first instant that was not reached (-1: none) and what was left there.
+        """
         if fingerprint == 0:
-            return
+            return -1, 0.0
         S = block_of_lanes(state, 1)
         bottom = at[n_elements]
+        trial = np.empty(n_elements + 1)
+        before = np.empty(state.shape)
         for k in range(len(sheave)):
             S[TENSION_MIN, 0], S[TENSION_MAX, 0] = np.inf, -np.inf
             if k > 0:
-                S[SHEAVE_OLD, 0], S[SHEAVE_NEW, 0] = sheave[k - 1], sheave[k]
-                S[LENGTH_OLD, 0], S[LENGTH, 0] = length[k - 1], length[k]
-                S[LENGTH_SPEED, 0] = (length[k] - length[k - 1]) / dt
-                cable_step(S, at, n_elements, n_iterations, 1, dt, tension_only)
-            cable_tensions(S, at, n_elements, 1, tension_only)
+                before[:] = state
+                pieces = 1
+                while True:
+                    change = 0.0
+                    for piece in range(pieces):
+                        a, b = piece / pieces, (piece + 1) / pieces
+                        S[SHEAVE_OLD, 0] = (1.0 - a) * sheave[k - 1] + a * sheave[k]
+                        S[SHEAVE_NEW, 0] = (1.0 - b) * sheave[k - 1] + b * sheave[k]
+                        S[LENGTH_OLD, 0] = (1.0 - a) * length[k - 1] + a * length[k]
+                        S[LENGTH, 0] = (1.0 - b) * length[k - 1] + b * length[k]
+                        S[LENGTH_SPEED, 0] = (length[k] - length[k - 1]) / dt
+                        change = _settled_step(
+                            S, at, n_elements, n_iterations, dt / pieces, tension_only, trial
+                        )
+                        if not change <= _SETTLED:
+                            break
+                        cable_tensions(S, at, n_elements, 1, tension_only)
+                    if change <= _SETTLED:
+                        break
+                    pieces *= 2
+                    if pieces > _MOST_PIECES:
+                        return k, change
+                    state[:] = before
+            else:
+                cable_tensions(S, at, n_elements, 1, tension_only)
             out[k, 0] = S[bottom + DISPLACEMENT, 0]
             out[k, 1] = S[bottom + VELOCITY, 0]
             out[k, 2] = S[SHEAVE_TENSION, 0]
             out[k, 3] = S[PAYLOAD_TENSION, 0]
+            out[k, 4] = S[TENSION_MIN, 0]
+            out[k, 5] = S[TENSION_MAX, 0]
+            for j in range(n_elements):
+                tension = S[at[j] + LOAD, 0]
+                envelope[0, j] = min(envelope[0, j], tension)
+                envelope[1, j] = max(envelope[1, j], tension)
+            if not np.isfinite(out[k, 1]):
+                return k, np.inf
+        return -1, 0.0
 
     @njit(cache=True, error_model="numpy")
     def hang(S, n_elements, sheave):
@@ -370,22 +456,6 @@ _march, _hang = _make_march(source_fingerprint())
 
 
 @dataclass(frozen=True)
-class AxialRecord:
-    """What a march of the axial solver recorded; positive up, each of shape (n_steps + 1,)."""
-
-    time: Array
-    """Instants [s]."""
-    payload_displacement: Array
-    """Payload above its static position at the length of the same instant [m]."""
-    payload_velocity: Array
-    """Absolute velocity of the payload [m/s]."""
-    sheave_tension: Array
-    """Tension at the sheave [N]."""
-    payload_tension: Array
-    """Tension at the payload [N]."""
-
-
-@dataclass(frozen=True)
 class AxialState:
     """Cable and payload at an instant, positive down: a value that copies and compares."""
 
@@ -396,12 +466,76 @@ class AxialState:
     length: float
     """Unstretched length outboard [m]."""
 
+    def __eq__(self, other: object) -> bool:
+        """Whether both hold the same numbers."""
+        if not isinstance(other, AxialState):
+            return NotImplemented
+        same_ends = (self.sheave, self.length) == (other.sheave, other.length)
+        return same_ends and np.array_equal(self.buffer, other.buffer)
+
+
+@dataclass(frozen=True)
+class AxialProfile:
+    """The cable at an instant, node by node from the payload up, each of shape (n_elements + 1,)."""
+
+    arc_length: Array
+    """Unstretched length from the payload [m]."""
+    height: Array
+    """Position above the sheave's mean position, positive up [m]."""
+    velocity: Array
+    """Absolute velocity of the material, positive up [m/s]; at the sheave that of the cable running off."""
+    tension: Array
+    """Tension, mean over the last step [N]."""
+
+
+@dataclass(frozen=True)
+class AxialRecord:
+    """What a march of the axial solver recorded; positive up, each of shape (n_steps + 1,) unless said
+    otherwise. Tensions are means over the step that ends at the instant."""
+
+    time: Array
+    """Instants [s]."""
+    sheave_heave: Array
+    """Heave of the sheave as given [m]."""
+    length: Array
+    """Unstretched length outboard as given [m]."""
+    payload_displacement: Array
+    """Payload above its static position at the length of the same instant [m]."""
+    payload_velocity: Array
+    """Absolute velocity of the payload [m/s]."""
+    sheave_tension: Array
+    """Tension at the sheave [N]."""
+    payload_tension: Array
+    """Tension at the payload [N]."""
+    tension_min: Array
+    """Least tension along the cable [N]."""
+    tension_max: Array
+    """Most tension along the cable [N]."""
+    element_tension_min: Array
+    """Least tension of each element in the whole march, from the payload up [N], (n_elements,)."""
+    element_tension_max: Array
+    """Most tension of each element in the whole march, from the payload up [N], (n_elements,)."""
+    final: AxialState
+    """The state at the last instant, from which another march can go on."""
+
+    @property
+    def slack_fraction(self) -> float:
+        """Share of the steps in which the tension vanishes (or is compression) somewhere on the cable [-]."""
+        return float(np.mean(self.tension_min[1:] <= 0.0)) if len(self.time) > 1 else 0.0
+
+    @property
+    def element_share(self) -> Array:
+        """Where the elements' middles lie: share of the length, from the payload up [-], (n_elements,)."""
+        n_elements = len(self.element_tension_min)
+        return (np.arange(n_elements) + 0.5) / n_elements
+
 
 @dataclass(frozen=True, kw_only=True)
 class AxialSolver:
-    """The environment's cable as a solver of its own: any sheave motion, any length.
+    """The environment's cable as a solver of its own: any sheave motion, any length over time.
 
-    Implicit midpoint in time, finite volumes in space, second order in both.
+    Implicit midpoint in time, finite volumes in space, second order in both. A tension-only cable iterates
+    until its velocities settle to 1e-9; where 40 iterations do not do it the step is halved, and again.
     """
 
     cable: Cable
@@ -410,7 +544,7 @@ class AxialSolver:
     """Unstretched length at the start [m]."""
     n_elements: int = 20
     n_iterations: int = 2
-    """Newton iterations per step [-]."""
+    """Newton iterations per step [-]; the least number of them if the cable is tension-only."""
 
     def __post_init__(self) -> None:
         require_number(self, "length", positive=True)
@@ -418,6 +552,8 @@ class AxialSolver:
         require_integer(self, "n_iterations", minimum=1)
         require_number(self.payload, "submerged_weight", positive=True)
         require_number(self.cable, "submerged_weight", non_negative=True)
+        massless = self.cable.inertia_per_length == 0.0
+        require(not massless or self.n_elements == 1, self, "n_elements", "1 for a massless cable (a spring)")
 
     @cached_property
     def _bottom(self) -> int:
@@ -439,54 +575,113 @@ class AxialSolver:
             state: The instant to go on from.
             top: Sheave heave [m, positive up] and unstretched length [m] at the end of the step.
             dt: Time step [s].
+
+        Raises:
+            ValueError: If a number is not finite, or the length or `dt` not positive.
+            ConvergenceError: If a tension-only cable does not settle, however small the step.
         """
-        sheave, length = -top[0], top[1]
+        sheave, length = _checked(np.array([-state.sheave, top[0]]), np.array([state.length, top[1]]), dt)
         S = state.buffer.copy()
-        self._run(S, np.array([state.sheave, sheave]), np.array([state.length, length]), dt)
-        return AxialState(S, sheave, length)
+        self._run(S, -sheave, length, dt)
+        return AxialState(S, -float(top[0]), float(top[1]))
 
     def top_tension(self, state: AxialState) -> float:
         """Tension at the sheave [N]."""
-        S = state.buffer.copy()
-        return float(self._run(S, np.array([state.sheave]), np.array([state.length]), 1.0)[0, 2])
+        return float(self._tensions(state.buffer.copy(), state)[0, 2])
 
     def payload_motion(self, state: AxialState) -> tuple[float, float]:
         """Payload above its static position at the present length [m], and its velocity [m/s], up."""
         displacement, velocity = state.buffer[self._bottom + DISPLACEMENT : self._bottom + VELOCITY + 1, 0]
         return float(self.static_stretch(state.length) - displacement), float(-velocity)
 
+    def profile(self, state: AxialState) -> AxialProfile:
+        """Position, velocity and tension along the cable.
+
+        Element tensions are carried to the nodes by their mean, to the two ends linearly.
+        """
+        S = state.buffer.copy()
+        ends = self._tensions(S, state)[0]
+        nodes = S[N_FIXED:, 0].reshape(self.n_elements + 1, N_NODE_FIELDS)[::-1]
+        arc_length = state.length * np.arange(self.n_elements + 1) / self.n_elements
+        of_elements = nodes[1:, LOAD]
+        inner = 0.5 * (of_elements[1:] + of_elements[:-1])
+        velocity = -nodes[:, VELOCITY]
+        if self.n_elements > 1:  # the sheave's node has no equation of motion: extrapolate
+            velocity[-1] = 2.0 * velocity[-2] - velocity[-3]
+        return AxialProfile(
+            arc_length=arc_length,
+            height=-(state.length - arc_length + nodes[:, DISPLACEMENT]),
+            velocity=velocity,
+            tension=np.concatenate([[ends[3]], inner, [ends[2]]]),
+        )
+
     def static_stretch(self, length: Array | float) -> Array | float:
         """Elongation hanging still, L (w2 + w1 L / 2) / EA [m]."""
         weight = self.payload.submerged_weight + 0.5 * self.cable.submerged_weight * length
         return length * weight / self.cable.axial_stiffness
 
-    def simulate(self, sheave_heave: Array, dt: float, length: Array | None = None) -> AxialRecord:
-        """Marches from static equilibrium through a given motion.
+    def simulate(
+        self,
+        sheave_heave: Array,
+        dt: float,
+        length: Array | None = None,
+        *,
+        start: AxialState | None = None,
+    ) -> AxialRecord:
+        """Marches through a given motion, from static equilibrium unless told otherwise.
 
         Args:
             sheave_heave: Heave of the sheave at each instant, positive up [m], (n_steps + 1,).
             dt: Time step [s].
             length: Unstretched length at each instant [m], (n_steps + 1,); constant if not given.
+            start: Where to begin, in place of rest: a state of this solver, whose sheave and length the
+                first instants must be.
 
         Returns:
             The record, at every instant from the start.
+
+        Raises:
+            ValueError: If the arrays do not fit each other or hold impossible numbers.
+            ConvergenceError: If a tension-only cable does not settle, however small the step.
         """
-        sheave = -np.asarray(sheave_heave, dtype=float)
-        lengths = np.full(len(sheave), self.length) if length is None else np.asarray(length, dtype=float)
-        S = self.rest(-sheave[0], lengths[0]).buffer
-        out = self._run(S, sheave, lengths, dt)
+        heave = np.asarray(sheave_heave, dtype=float)
+        if length is None:
+            length = np.full(heave.shape, self.length if start is None else start.length)
+        heave, lengths = _checked(heave, np.asarray(length, dtype=float), dt)
+        if start is None:
+            S = self.rest(float(heave[0]), float(lengths[0])).buffer
+        else:
+            if not np.allclose([-start.sheave, start.length], [heave[0], lengths[0]], rtol=1e-9, atol=1e-9):
+                raise ValueError(
+                    f"start has the sheave at {-start.sheave:g} m and a length of {start.length:g} m, but "
+                    f"the motion begins at {heave[0]:g} m and {lengths[0]:g} m: let it begin there"
+                )
+            S = start.buffer.copy()
+        envelope = np.array([[np.inf], [-np.inf]]) * np.ones(self.n_elements)
+        out = self._run(S, -heave, lengths, dt, envelope)
         return AxialRecord(
-            time=dt * np.arange(len(sheave)),
+            time=dt * np.arange(len(heave)),
+            sheave_heave=heave.copy(),
+            length=lengths.copy(),
             payload_displacement=self.static_stretch(lengths) - out[:, 0],
             payload_velocity=-out[:, 1],
             sheave_tension=out[:, 2],
             payload_tension=out[:, 3],
+            tension_min=out[:, 4],
+            tension_max=out[:, 5],
+            element_tension_min=envelope[0, ::-1].copy(),
+            element_tension_max=envelope[1, ::-1].copy(),
+            final=AxialState(S, -float(heave[-1]), float(lengths[-1])),
         )
 
-    def _run(self, S: Array, sheave: Array, length: Array, dt: float) -> Array:
+    def _tensions(self, S: Array, state: AxialState) -> Array:
+        # A march of no step, which only reads the tensions off.
+        return self._run(S, np.array([state.sheave]), np.array([state.length]), 1.0)
+
+    def _run(self, S: Array, sheave: Array, length: Array, dt: float, envelope: Array | None = None) -> Array:
         S[LENGTH] = length[0]
-        out = np.empty((len(sheave), 4))
-        _march(
+        out = np.empty((len(sheave), 6))
+        failed, residual = _march(
             S,
             node_rows(N_FIXED, self.n_elements),
             self.n_elements,
@@ -496,5 +691,40 @@ class AxialSolver:
             sheave,
             length,
             out,
+            np.empty((2, self.n_elements)) if envelope is None else envelope,
         )
+        if failed >= 0:
+            raise ConvergenceError(
+                f"the cable's velocities do not settle {failed * dt:g} s into the march, even where dt was "
+                "halved ten times; give a tension-only cable axial_damping of some milliseconds times its "
+                "axial_stiffness, or check the motion for jumps",
+                float(residual) if math.isfinite(residual) else math.inf,
+            )
         return out
+
+
+def _checked(sheave_heave: Array, length: Array, dt: float) -> tuple[Array, Array]:
+    """The two arrays of a march, if they are possible.
+
+    Raises:
+        ValueError: If they are not, with the reason.
+    """
+    if not (math.isfinite(dt) and dt > 0.0):
+        raise ValueError(f"dt must be a positive number of seconds, got {dt!r}")
+    if sheave_heave.ndim != 1 or len(sheave_heave) == 0:
+        raise ValueError(
+            f"sheave_heave must be one row of instants, (n_steps + 1,), got the shape {sheave_heave.shape}"
+        )
+    if length.shape != sheave_heave.shape:
+        raise ValueError(
+            f"length must have an instant for each of sheave_heave's {len(sheave_heave)}, got the shape "
+            f"{length.shape}"
+        )
+    if not np.all(np.isfinite(sheave_heave)):
+        raise ValueError("sheave_heave must be finite at every instant: fill the gaps")
+    if not (np.all(np.isfinite(length)) and np.all(length > 0.0)):
+        raise ValueError(
+            f"length must be positive at every instant, got {float(np.min(length)):g} m: recover less or "
+            "start from more"
+        )
+    return sheave_heave, length
