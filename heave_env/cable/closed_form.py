@@ -61,6 +61,25 @@ def natural_omegas(cable: Cable, payload: Payload, length: float, n_modes: int) 
     return np.array(roots) * cable.axial_wave_speed / length
 
 
+def resonant_length(omega: Array | float, cable: Cable, payload: Payload) -> Array:
+    """Shortest length at which a rod with an end mass resonates with the sheave's frequency [m].
+
+    tan(ω L / c) = (m + m_a) c / (ω M). Neglecting the cable's mass gives EA / (ω² M), which is too long.
+
+    Source: Huang (1992), 3.3.5, item 5, whose estimate is the one without the cable's mass.
+
+    Args:
+        omega: Angular frequency [rad/s], positive, any shape.
+        cable: The cable; a massless one gives the estimate itself.
+        payload: The payload.
+    """
+    w = np.asarray(omega, dtype=float)
+    if cable.inertia_per_length == 0.0:
+        return np.asarray(cable.axial_stiffness / (w**2 * payload.inertia))
+    c = cable.axial_wave_speed
+    return np.asarray(c / w * np.arctan(cable.inertia_per_length * c / (w * payload.inertia)))
+
+
 def linearised_payload_std(
     omega: Array, variance: Array, cable: Cable, payload: Payload, length: float
 ) -> float:
