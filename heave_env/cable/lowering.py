@@ -209,7 +209,7 @@ def expected_extreme(duration: Array | float, zero_crossing_period: Array | floa
 
     g = sqrt(2 ln N) + 0.5772 / sqrt(2 ln N), N = duration / T_z (and at least e)
 
-    Source: Davenport (1964), (13).
+    Source: Davenport (1964).
     """
     n = np.maximum(np.asarray(duration) / zero_crossing_period, math.e)
     root = np.sqrt(2.0 * np.log(n))
