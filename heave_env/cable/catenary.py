@@ -29,6 +29,9 @@ Array = np.ndarray
 
 LARGEST_STRESS = 1e10
 """Stress at rest beyond which no cable is taken for possible [Pa]; the strongest fibres bear 6e9."""
+DEEPEST = 10.0
+"""Largest half span over the catenary's parameter H/w for which a length is looked for [-]: a cable of a
+thousand spans."""
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -214,9 +217,16 @@ def length_of_sag(cable: Cable, span: float, height: float, sag: float) -> float
         length = length_of_force(cable, span, height, flat * 2.0**power)
         return sag - abs(hanging_span(cable, length, span, height).sag)
 
-    # The flat parabola's force and, where the cable hangs deep, several times less or more.
+    # The flat parabola's force and, where the cable hangs deep, more or less than that.
     flat = abs(cable.submerged_weight) * span * chord / (8.0 * sag)
-    return length_of_force(cable, span, height, flat * 2.0 ** _root(excess, -6.0, 6.0))
+    deepest = 0.5 * abs(cable.submerged_weight) * span / DEEPEST
+    low = max(-0.1, math.log2(deepest / flat) + 1e-9)
+    high = low + 0.2
+    if excess(low) > 0.0:
+        raise ValueError(f"sag must be below {sag - excess(low):.4g} m on this span, got {sag!r}")
+    while excess(high) < 0.0:
+        low, high = high, high + 2.0 * (high - low)
+    return length_of_force(cable, span, height, flat * 2.0 ** _root(excess, low, high))
 
 
 def length_of_force(cable: Cable, span: float, height: float, horizontal_force: float) -> float:
@@ -229,11 +239,16 @@ def length_of_force(cable: Cable, span: float, height: float, horizontal_force: 
         raise ValueError(f"horizontal_force must be a positive number [N], got {horizontal_force!r}")
     chord = math.hypot(span, height)
     w, EA = cable.submerged_weight, cable.axial_stiffness
+    if 0.5 * abs(w) * span > DEEPEST * horizontal_force:
+        raise ValueError(
+            f"horizontal_force must be at least {0.5 * abs(w) * span / DEEPEST:.4g} N for a cable of "
+            f"{w:g} N/m over {span:g} m, got {horizontal_force!r}"
+        )
     # Of the inextensible catenary, exactly; the elastic one is shorter, by what it stretches.
     half = 0.5 * abs(w) * span / horizontal_force
     inextensible = math.hypot(height, span * (math.sinh(half) / half if half > 0.0 else 1.0))
     tension = horizontal_force * inextensible / span + abs(w) * inextensible
-    shortest = chord / (1.0 + 2.0 * tension / EA)
+    shortest = chord / (1.0 + 1.01 * tension / EA)
 
     def excess(length: float) -> float:
         return horizontal_force - hanging_span(cable, length, span, height).horizontal_force
