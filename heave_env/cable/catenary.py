@@ -219,11 +219,13 @@ def length_of_sag(cable: Cable, span: float, height: float, sag: float) -> float
 
     # The flat parabola's force and, where the cable hangs deep, more or less than that.
     flat = abs(cable.submerged_weight) * span * chord / (8.0 * sag)
-    deepest = 0.5 * abs(cable.submerged_weight) * span / DEEPEST
-    low = max(-0.1, math.log2(deepest / flat) + 1e-9)
+    deepest = math.log2(0.5 * abs(cable.submerged_weight) * span / (DEEPEST * flat)) + 1e-9
+    low = max(-0.1, deepest)
+    while excess(low) > 0.0:
+        if low == deepest:
+            raise ValueError(f"sag must be below {sag - excess(low):.4g} m on this span, got {sag!r}")
+        low = max(2.0 * low, deepest)
     high = low + 0.2
-    if excess(low) > 0.0:
-        raise ValueError(f"sag must be below {sag - excess(low):.4g} m on this span, got {sag!r}")
     while excess(high) < 0.0:
         low, high = high, high + 2.0 * (high - low)
     return length_of_force(cable, span, height, flat * 2.0 ** _root(excess, low, high))
