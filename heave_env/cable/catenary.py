@@ -259,4 +259,4 @@ def length_of_force(cable: Cable, span: float, height: float, horizontal_force: 
 
 
 def _root(function: Callable[[float], float], low: float, high: float) -> float:
-    return float(brentq(function, low, high, xtol=1e-14 * abs(high), rtol=1e-14))
+    return float(brentq(function, low, high, xtol=1e-14 * max(abs(low), abs(high)), rtol=1e-14))
