@@ -19,6 +19,7 @@ _STAGE_FILES = (
     "hydrodynamics.py",
     "cable/constitutive.py",
     "cable/axial.py",
+    "cable/statics.py",
     "winch.py",
     "kernel.py",
 )
