@@ -733,7 +733,7 @@ def _make_march(fingerprint: int):
         u[:] = 0.0
         _assemble(n, r, still, length, chain, work, 1.0, True)
         residual = _largest(G, first, last)
-        out[:] = work.tension
+        tension[:] = work.tension
         _end_force(False, n, motion, chain, work, 1.0, True, lower_held, bottom_force, 0.0)
         _end_force(True, n, motion, chain, work, 1.0, True, upper_held, top_force, 0.0)
         return residual
