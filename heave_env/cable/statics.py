@@ -905,7 +905,10 @@ class FootprintSolver:
 
     At full thrust, whatever its direction, the unit stands on the boundary of what it can reach at that
     length; at each bearing the direction of the thrust is found that leads there (the farthest, if several
-    do) and, if the vessel may keep cable in, the best length. Source: Huang (1992), (2.16)-(2.17).
+    do). If the vessel may keep cable in, the best length is found too, among those whose line neither lifts
+    the unit nor lies on the bed; at one given length both are only reported.
+
+    Source: Huang (1992), (2.16)-(2.17).
     """
 
     line: Line
@@ -963,7 +966,13 @@ class FootprintSolver:
             lengths = list(np.linspace(self.shortest_length, self.line.length, 9))
         bearings = 2.0 * math.pi * np.arange(self.n_bearings) / self.n_bearings
         best = [self._farthest(bearings, length) for length in lengths]
-        reaches = np.array([[np.nan if s is None else _reach(s) for s in row] for row in best])
+        free = len(lengths) > 1
+        reaches = np.array(
+            [
+                [np.nan if s is None or (free and not self._stands(s)) else _reach(s) for s in row]
+                for row in best
+            ]
+        )
         rows: list[StaticShape | None] = []
         for column, bearing in enumerate(bearings):
             if np.all(np.isnan(reaches[:, column])):
@@ -995,7 +1004,8 @@ class FootprintSolver:
             thrust=(self.thrust * math.cos(direction), self.thrust * math.sin(direction)),
         )
         solver = StaticsSolver(line=line, ends=ends, current=self.current, n_segments=self.n_segments)
-        return solver.solve(guess)
+        fits = guess is not None and len(guess.arc_length) == len(solver.arc_length)
+        return solver.solve(guess if fits else None)
 
     def _farthest(self, bearings: Array, length: float) -> list[StaticShape | None]:
         """At each bearing the farthest shape of this length, or None."""
@@ -1047,6 +1057,25 @@ class FootprintSolver:
             high, of_high = direction, here
         return shape
 
+    def _near(self, bearing: float, length: float, shape: StaticShape) -> StaticShape | None:
+        """The shape on a bearing at another length, its thrust turned little from that of `shape`."""
+        line = self._paid_out(length)
+        assert isinstance(shape.ends, OnSeabed)
+        middle, width = math.atan2(shape.ends.thrust[1], shape.ends.thrust[0]), 0.02
+        away = np.array([-math.sin(bearing), math.cos(bearing)])
+        while width < 0.7:
+            low, high = (self._shape(line, middle + turn, shape) for turn in (-width, width))
+            if float(low.position[0, :2] @ away) * float(high.position[0, :2] @ away) <= 0.0:
+                return self._at_bearing(line, bearing, middle - width, middle + width, low)
+            width *= 3.0
+        return None
+
+    def _stands(self, shape: StaticShape) -> bool:
+        """Whether the unit stays on the bed and the line off it."""
+        clearance = shape.position[:, 2].min() + self.depth
+        lifted = shape.force[0, 2] > self.payload.submerged_weight
+        return bool(clearance > -1e-6 * self.line.length and not lifted)
+
     def _between(self, bearing: float, low: float, high: float, shape: StaticShape) -> StaticShape:
         """The farthest shape on a bearing over lengths between two, by golden section."""
         golden = 0.5 * (math.sqrt(5.0) - 1.0)
@@ -1054,10 +1083,11 @@ class FootprintSolver:
 
         def reach(length: float) -> float:
             nonlocal best
-            found = self._farthest(np.array([bearing]), length)[0]
-            if found is not None and _reach(found) > _reach(best):
-                best = found
-            return -math.inf if found is None else _reach(found)
+            found = self._near(bearing, length, best)
+            if found is None or not self._stands(found):
+                return -math.inf
+            best = found if _reach(found) > _reach(best) else best
+            return _reach(found)
 
         inner, outer = high - golden * (high - low), low + golden * (high - low)
         of_inner, of_outer = reach(inner), reach(outer)
