@@ -16,6 +16,18 @@ from typing import Any
 
 import numpy as np
 
+from experiments.cases.lowering import (
+    FOOT,
+    POUND,
+    POUND_MASS,
+    SLUG,
+    heavy_package,
+    hydrographic_package,
+    hydrographic_wire,
+    instrument_package,
+    sampler,
+    wire_rope,
+)
 from experiments.figures import COLOURS
 from experiments.validation.checks import (
     Finding,
@@ -34,76 +46,29 @@ from heave_env.cable.lowering import (
     drag_in_random_motion,
     drag_in_regular_motion,
 )
-from heave_env.parameters import GRAVITY, SEAWATER_DENSITY, Cable, Payload, SeaState
+from heave_env.parameters import Payload, SeaState
 
 Array = np.ndarray
 
-FOOT, POUND_MASS = 0.3048, 0.45359237
-POUND, SLUG = POUND_MASS * GRAVITY, POUND_MASS * GRAVITY / FOOT
 PRINTED_METRE = 3.28 * FOOT
-THEIR_WATER = 2.0 * SLUG / FOOT**3 / SEAWATER_DENSITY
 ROUNDED = 1e-3
-
-
-def wire_rope(diameter_inches: float, pounds_per_foot: float) -> Cable:
-    """A wire rope of the source by its diameter [in] and weight in water [lb/ft]; C_t = 0.01."""
-    return Cable(
-        mass_per_length=pounds_per_foot * POUND_MASS / FOOT,
-        axial_stiffness=1.8e6 * POUND,
-        submerged_weight=pounds_per_foot * POUND / FOOT,
-        diameter=diameter_inches * FOOT / 12.0,
-        tangential_drag_coefficient=0.01 * THEIR_WATER,
-        breaking_strength=14_800.0 * POUND,
-    )
-
-
-def sampler(drag_coefficient: float) -> Payload:
-    """The biological sampler of examples 9.2 to 9.4: a cone filled with water, 6 ft wide and 5 ft high."""
-    volume = math.pi * 3.0**2 * 5.0 / 3.0
-    return Payload(
-        mass=10.0 * SLUG,
-        added_mass=(volume + 1.5 * volume) * 2.0 * SLUG,
-        submerged_weight=200.0 * POUND,
-        drag_area=drag_coefficient * math.pi * 3.0**2 * FOOT**2 * THEIR_WATER,
-    )
-
-
-def instrument_package(cable_stiffness: float = 1.8e6) -> Lowering:
-    """Example 9.5: 4200 lb in air on 3/8 inch wire. The cable's mass is not printed; its immersed weight
-    is.
-    """
-    cable = replace(wire_rope(0.375, 0.191), axial_stiffness=cable_stiffness * POUND)
-    payload = Payload(
-        mass=4200.0 * POUND_MASS,
-        added_mass=12.0 * SLUG,
-        submerged_weight=2000.0 * POUND,
-        drag_area=3.14 * FOOT**2 * THEIR_WATER,
-    )
-    return Lowering(cable=cable, payload=payload)
 
 
 @cache
 def example_9_5(cable_mass_share: float = 0.0, dt: float = 0.002) -> LoweringRecord:
     """Example 9.5 for 160 s from rest; steady after 100 s."""
-    time = dt * np.arange(round(160.0 / dt) + 1)
-    heave = 7.0 * FOOT * np.sin(0.5 * math.pi * time)
-    return instrument_package().simulate(3000.0 * FOOT, heave, dt, cable_mass_share=cable_mass_share)
+    printed = replace(instrument_package(), cable_mass_share=cable_mass_share)
+    return replace(printed, steps_per_period=round(printed.period / dt)).record()
 
 
-def hydrographic_package() -> Lowering:
-    """An instrument package on a thin wire: the cable and package of the source's figures 9-2 and 9-3."""
-    cable = Cable(
-        mass_per_length=0.177 * POUND_MASS / FOOT,
-        axial_stiffness=3.5e6,
-        submerged_weight=0.145 * POUND / FOOT,
-        diameter=0.303 * FOOT / 12.0,
-        tangential_drag_coefficient=0.01,
-        breaking_strength=7400.0 * POUND,
-    )
-    payload = Payload(
-        mass=15.0 * SLUG, added_mass=6.0 * SLUG, submerged_weight=350.0 * POUND, drag_area=9.72 * FOOT**2
-    )
-    return Lowering(cable=cable, payload=payload)
+def heavy_lowering() -> Lowering:
+    """Wire and package of example 9.5."""
+    return Lowering(cable=wire_rope(0.375, 0.191), payload=heavy_package())
+
+
+def light_lowering() -> Lowering:
+    """Wire and package of figures 9-2 and 9-3."""
+    return Lowering(cable=hydrographic_wire(), payload=hydrographic_package())
 
 
 def regular(amplitude: float, omega: float) -> SeaState:
@@ -219,7 +184,7 @@ def berteaux_example_9_5() -> Iterator[Finding]:
         "highest payload, 3/4 of the cable's mass [ft]", with_mass.payload_heave.max() / FOOT, 14.8, 0.1
     )
     yield relative("peak tension, 3/4 of the cable's mass [lb]", with_mass.peak_tension / POUND, 8100.0, 0.02)
-    lowering = instrument_package()
+    lowering = heavy_lowering()
     at_rest = lowering.cable.breaking_strength or 0.0
     yield relative("factor of safety at rest [-]", float(lowering.safety_factor(0.0)), 7.4, ROUNDED)
     yield relative(
@@ -274,7 +239,7 @@ def snap_after_a_free_fall() -> Iterator[Finding]:
     ms. With drag the snap after the same fall is less than `snap_tension`, which leaves out drag during the
     snap; here by no more than 10 %.
     """
-    package = instrument_package()
+    package = heavy_lowering()
     bare = Lowering(cable=package.cable, payload=replace(package.payload, drag_area=0.0))
     for slack in (1.0, 3.0):
         length = 500.0 + slack
@@ -320,7 +285,7 @@ def rigid_bar_in_a_regular_sea() -> Iterator[Finding]:
     times stiffer than steel is such a bar: `in_sea` must agree to the 256 phases and 15 harmonics it works
     with, 1e-3.
     """
-    lowering = hydrographic_package()
+    lowering = light_lowering()
     length = 1000.0
     stiff = Lowering(
         cable=replace(lowering.cable, axial_stiffness=3.5e10),
@@ -351,7 +316,7 @@ def tension_moves_the_masses() -> Iterator[Finding]:
     """
     from scipy.integrate import simpson
 
-    package = hydrographic_package()
+    package = light_lowering()
     cable = replace(package.cable, tangential_drag_coefficient=0.0)
     lowering = Lowering(cable=cable, payload=replace(package.payload, drag_area=1e-9))
     length, s = 3000.0, np.linspace(0.0, 3000.0, 2001)
@@ -372,7 +337,7 @@ def payout_limits_in_calm_water_and_slow_swell() -> Iterator[Finding]:
     In a swell so slow that inertia and stretch count for nothing, pay-out and the sheave's speed add up to
     it: at 0.02 rad/s the payload's acceleration still weighs 1e-3 of its weight, hence 2e-3.
     """
-    lowering = hydrographic_package()
+    lowering = light_lowering()
     margin, w2 = 0.2, lowering.payload.submerged_weight
     lengths = np.array([100.0, 2000.0, 6000.0])
     at_payload = math.sqrt((1.0 - margin) * w2 / lowering.payload.drag_factor)
@@ -399,7 +364,7 @@ def example_9_5_by_an_ode_integrator() -> Iterator[Finding]:
     """
     from scipy.integrate import solve_ivp
 
-    lowering = instrument_package()
+    lowering = heavy_lowering()
     k, w2 = lowering.spring_constant(3000.0 * FOOT), lowering.payload.submerged_weight
     D, M = lowering.payload.drag_factor, lowering.payload.inertia
 
@@ -457,7 +422,7 @@ def regular_sea_against_the_axial_solver() -> Iterator[Finding]:
     with the harmonics of drag put back leaves a few per cent of the DYNAMIC part, of which the check takes
     3 %; of the whole tension that is less than 0.3 %.
     """
-    lowering = hydrographic_package()
+    lowering = light_lowering()
     for amplitude, omega, rate in (
         (0.4, 0.5, 0.0),
         (0.4, 0.785, 0.0),
@@ -490,7 +455,7 @@ def hauling_and_lowering_against_the_axial_solver() -> Iterator[Finding]:
     faster by 1 + ε, which the quasi-static formula leaves out; ε is 2e-3 at most here, and drag half of the
     tension.
     """
-    lowering = hydrographic_package()
+    lowering = light_lowering()
     for rate in (-100.0 / 60.0, -50.0 / 60.0, 60.0 / 60.0):
         dt = 0.05
         time = dt * np.arange(6001)
@@ -521,7 +486,7 @@ def random_sea_against_the_axial_solver() -> Iterator[Finding]:
     One realisation of 1800 s scatters by about 3 %, and drag makes the tension less Gaussian: 6 %. The most
     of it lies within the expected extreme by 15 %.
     """
-    lowering = hydrographic_package()
+    lowering = light_lowering()
     sea = SeaState(kind="random_phase", significant_wave_height=1.0, peak_omega=0.7)
     found = lowering.in_sea(2000.0, sea, exposure=1800.0)
     dt = 0.05
@@ -553,7 +518,7 @@ def payout_limit_against_the_axial_solver() -> Iterator[Finding]:
     The margin is a fifth of the payload's weight; the simulated least tension lies within 0.01 of it, and
     well above or below it for a limit missed by 10 %.
     """
-    lowering = hydrographic_package()
+    lowering = light_lowering()
     for amplitude, omega in ((0.5, 0.785), (0.3, 1.2)):
         sea = regular(amplitude, omega)
         limit = float(lowering.payout_limits([2000.0], [sea], margin=0.2).rate[0, 0])
@@ -575,7 +540,7 @@ def trends_of_the_text() -> Iterator[Finding]:
     doubling the payload's weight raises its terminal velocity by sqrt(2) and hardly lowers the factor of
     safety of a long cable.
     """
-    package = hydrographic_package()
+    package = light_lowering()
     lengths = np.array([500.0, 2000.0, 4000.0])
     tensions = [package.tension(lengths, -rate / 60.0) for rate in (0.0, 50.0, 75.0, 100.0)]
     rises = min(float((fast - slow).min()) for slow, fast in itertools.pairwise(tensions))

@@ -273,7 +273,9 @@ class Lowering:
     """
 
     cable: Cable
+    """The cable; what drags along it counts, its normal drag does not."""
     payload: Payload
+    """The body at its lower end, heavier than water."""
 
     def __post_init__(self) -> None:
         require_number(self.payload, "submerged_weight", positive=True)
