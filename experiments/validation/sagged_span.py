@@ -12,6 +12,7 @@ import numpy as np
 from scipy.integrate import solve_ivp
 from scipy.optimize import brentq
 
+from experiments.cases.sagged_span import moustafa_cable, moustafa_span
 from experiments.validation.checks import (
     Finding,
     Picture,
@@ -24,7 +25,7 @@ from experiments.validation.checks import (
 )
 from heave_env.cable.catenary import Catenary, hanging_span, length_of_force, length_of_sag
 from heave_env.cable.sagged_span import SaggedSpanSolver
-from heave_env.parameters import GRAVITY, SEAWATER_DENSITY, Cable, Current
+from heave_env.parameters import Cable, Current
 
 Array = np.ndarray
 
@@ -34,23 +35,9 @@ PUBLISHED_FREQUENCY = 0.55
 """ω_f of the same table [Hz]."""
 
 
-def moustafa_cable(modulus: float = 1e11) -> Cable:
-    """The tests' cable in water; drag is assumed, and 1 ms of Kelvin damping for what goes slack."""
-    section = 0.25 * math.pi * DIAMETER**2
-    return Cable(
-        mass_per_length=MASS,
-        axial_stiffness=modulus * section,
-        submerged_weight=(MASS - SEAWATER_DENSITY * section) * GRAVITY,
-        diameter=DIAMETER,
-        tangential_drag_coefficient=0.01,
-        axial_damping=1e-3 * modulus * section,
-        tension_only=True,
-    )
-
-
-def moustafa_span(modulus: float = 1e11, length: float = LENGTH, **options: Any) -> SaggedSpanSolver:
-    """The tests' span."""
-    return SaggedSpanSolver(cable=moustafa_cable(modulus), length=length, span=SPAN, **options)
+def _tested_span() -> SaggedSpanSolver:
+    """The span of Moustafa's tests."""
+    return SaggedSpanSolver(cable=moustafa_cable(), length=LENGTH, span=SPAN)
 
 
 @cache
@@ -61,17 +48,16 @@ def extremes(
     length: float = LENGTH,
     strain: str = "engineering",
 ) -> tuple[float, float]:
-    """Largest and smallest tension at the driven end in the steady state [N]: the last 5 of 12 periods.
-
-    The motion grows over the first three periods, for a sudden start would strike the cable.
-    """
-    period, dt = 1.0 / frequency, min(0.005, 0.005 / frequency)
-    time = dt * np.arange(round(12.0 * period / dt) + 1)
-    growth = np.sin(0.5 * np.pi * np.minimum(time / (3.0 * period), 1.0)) ** 2
-    motion = amplitude * growth * np.sin(2.0 * np.pi * frequency * time)
-    record = moustafa_span(modulus, length, strain=strain).simulate(upper=motion, dt=dt)
-    steady = record.upper_tension[time > 7.0 * period]
-    return float(steady.max()), float(steady.min())
+    """Largest and least tension at the driven end in the steady state [N]."""
+    return replace(
+        moustafa_span(),
+        cable=moustafa_cable(modulus),
+        length=length,
+        upper_amplitude=(amplitude, 0.0, 0.0),
+        frequency=frequency,
+        strain=strain,
+        steps_per_period=max(200, math.ceil(200.0 / frequency)),
+    ).extremes()
 
 
 def _light_line(weight: float = 5.19, stiffness: float = 7.85e6) -> Cable:
@@ -125,7 +111,7 @@ def sagged_span_rests() -> Iterator[Finding]:
     moves is rounding, of 1e7 N of stiffness over 1e-16 of strain.
     """
     for n_elements in (4, 50):
-        solver = replace(moustafa_span(n_elements=n_elements), height=3.0, length=12.0)
+        solver = replace(_tested_span(), n_elements=n_elements, height=3.0, length=12.0)
         record = solver.simulate(upper=np.zeros(401), dt=0.01)
         ends = solver.catenary.tension(np.array([0.0, 12.0]))
         yield absolute(
@@ -141,7 +127,7 @@ def sagged_span_slow_pull() -> Iterator[Finding]:
     between the new places. 0.1 % of tension for 60 s of motion and 50 elements: the grid's own error there,
     and what still swings.
     """
-    solver = replace(moustafa_span(), height=2.0, length=12.0)
+    solver = replace(_tested_span(), height=2.0, length=12.0)
     dt = 0.02
     time = dt * np.arange(4001)
     share = np.sin(0.5 * np.pi * np.minimum(time / 60.0, 1.0)) ** 2
@@ -315,7 +301,7 @@ def sagged_span_energy() -> Iterator[Finding]:
             if tension_only:
                 yield at_most(f"{kind}, {strain} strain: least tension [N]", -record.tension_min.min(), 0.0)
                 yield at_least(f"{kind}, {strain} strain: slack seen [-]", record.slack_fraction.max(), 0.01)
-    damped = replace(moustafa_span(), n_elements=20)
+    damped = replace(_tested_span(), n_elements=20)
     state = damped.simulate(upper=pull, dt=0.01).state
     energies = [damped.energy(state)]
     for _ in range(100):
@@ -349,7 +335,7 @@ def moustafa_natural_frequency() -> Iterator[Finding]:
     """The printed 0.55 Hz is the first frequency of the taut string with the weight in water and the dry
     mass: from the printed length and span, 1 % for their rounding and the two digits printed.
     """
-    wet = moustafa_span()
+    wet = _tested_span()
     H = wet.catenary.horizontal_force
     string = math.sqrt(H / MASS) / (2.0 * SPAN)
     yield relative("taut string, weight in water, dry mass [Hz]", string, PUBLISHED_FREQUENCY, 0.01)
@@ -375,7 +361,7 @@ def moustafa_mild_and_severe() -> Iterator[Finding]:
     """What the text says of its figures 2-5: while mild, extremes lie evenly about the static tension (the
     middle of both within 1 % of it); where the least tension comes to zero, the largest grows significantly.
     """
-    static = float(moustafa_span().catenary.tension(np.array(LENGTH)))
+    static = float(_tested_span().catenary.tension(np.array(LENGTH)))
     for frequency in (0.1, 0.3, 0.5, 0.75):
         most, least = extremes(0.025, frequency)
         yield absolute(

@@ -27,8 +27,8 @@ from heave_env.parameters import Cable
 
 Array = np.ndarray
 
-LARGEST_STRESS = 1e10
-"""Stress at rest beyond which no cable is taken for possible [Pa]; the strongest fibres bear 6e9."""
+LARGEST_STRESS = 6e9
+"""Stress at rest beyond which no cable is taken for possible [Pa]: the strongest fibres' strength."""
 DEEPEST = 10.0
 """Largest half span over the catenary's parameter H/w for which a length is looked for [-]: a cable of a
 thousand spans."""
@@ -129,18 +129,12 @@ def hanging_span(cable: Cable, length: float, span: float, height: float) -> Cat
             f"a weightless cable of {length:g} m has no shape of its own between supports {chord:g} m apart; "
             "give it a submerged_weight, or make it shorter than the distance"
         )
-    section = 0.25 * math.pi * cable.diameter**2
     taut = EA * max(0.0, chord / length - 1.0)
-    strength = cable.breaking_strength or math.inf
-    if taut > min(strength, LARGEST_STRESS * section):
-        limit = (
-            f"it breaks at {strength:g} N"
-            if taut > strength
-            else f"no rope of {cable.diameter:g} m bears that"
-        )
+    limit, reason = _strength(cable)
+    if taut > limit:
         raise ValueError(
             f"impossible geometry: a cable of {length:g} m cannot span {chord:g} m, for its stiffness EA = "
-            f"{EA:g} N would take {taut:.3g} N to stretch it and {limit}; give a greater length or less "
+            f"{EA:g} N would take {taut:.3g} N to stretch it and {reason}; give a greater length or less "
             "stiffness"
         )
     H, V0 = _first_forces(cable, length, span, height)
@@ -176,12 +170,21 @@ def hanging_span(cable: Cable, length: float, span: float, height: float) -> Cat
         )
     found = Catenary(cable=cable, length=length, horizontal_force=H, lower_vertical_force=V0)
     most = float(found.tension(np.array([0.0, length])).max())
-    if most > strength:
+    if most > limit:
         raise ValueError(
-            f"impossible geometry: a cable of {length:g} m breaks at {strength:g} N, but hangs between its "
-            f"supports at {most:.4g} N; give a greater length"
+            f"impossible geometry: a cable of {length:g} m hangs between its supports at {most:.4g} N, but "
+            f"{reason}; give a greater length"
         )
     return found
+
+
+def _strength(cable: Cable) -> tuple[float, str]:
+    """The largest tension that the cable can hang with [N], and why."""
+    section = 0.25 * math.pi * cable.diameter**2
+    fibres = LARGEST_STRESS * section
+    if cable.breaking_strength is not None and cable.breaking_strength < fibres:
+        return cable.breaking_strength, f"it breaks at {cable.breaking_strength:g} N"
+    return fibres, f"no rope of {cable.diameter:g} m bears more than {fibres:.3g} N"
 
 
 def _compliance(cable: Cable, length: float, H: float, V0: float) -> Array:
