@@ -152,12 +152,13 @@ class PlanarOperation:
         sway_amplitude, sway_middle = cycle_amplitude(record.payload_x, n_per_cycle)
         static = self.payload.submerged_weight + self.cable.submerged_weight * record.length
         loudest = int(np.argmax(np.where(counted, heave_amplitude, -1.0)))
+        last_cycle = max(0, n_steps - n_per_cycle // 2 - 1)  # its middle: the last whole one
         cycle = f"a cycle of {2.0 * math.pi / self.omega:.3g} s"
         tension = record.top_tension[counted]
         quantities = [
             Quantity("final_length", float(record.length[-1]), "m", "unstretched length at the end"),
             Quantity("payload_depth_final", float(-record.payload_z[-1]), "m", "below the mean surface"),
-            Quantity("payload_offset_final", float(sway_middle[-1]), "m", "middle of x in the last cycle"),
+            Quantity("payload_offset_final", float(sway_middle[last_cycle]), "m", "middle of x in the last cycle"),
             Quantity(
                 "payload_offset_max",
                 float(np.max(np.abs(record.payload_x[counted]))),
@@ -179,7 +180,7 @@ class PlanarOperation:
             Quantity("length_at_largest_heave", float(record.length[loudest]), "m", "where that is"),
             Quantity(
                 "payload_rise_final",
-                float(heave_middle[-1]),
+                float(heave_middle[last_cycle]),
                 "m",
                 "mean height above hanging still and straight, last cycle: drag of lowering and current",
             ),
