@@ -301,7 +301,7 @@ class Lowering:
 
     def profile(self, length: float, payout_rate: float = 0.0, n_points: int = 101) -> TensionProfile:
         """Tension and stretch along a cable of `length` [m]; `payout_rate` [m/s] as in `tension`."""
-        s = np.linspace(0.0, _positive("length", length), n_points)
+        s = _points(length, n_points)
         return TensionProfile(s, self.tension(s, payout_rate), self.elongation(s, payout_rate))
 
     def elongation(self, length: Array | float, payout_rate: float = 0.0) -> Array:
@@ -424,7 +424,7 @@ class Lowering:
             ValueError: If length or exposure is not positive.
             ConvergenceError: If the rod resonates and nothing damps it.
         """
-        s = np.linspace(0.0, _positive("length", length), n_points)
+        s = _points(length, n_points)
         _positive("exposure", exposure)
         _finite("payout_rate", payout_rate)
         omega, variance = sheave_lines(sea_state, vessel)
@@ -740,6 +740,12 @@ def _positive(name: str, value: float) -> float:
     if not (math.isfinite(value) and value > 0.0):
         raise ValueError(f"{name} must be a positive number, got {value!r}")
     return value
+
+
+def _points(length: float, n_points: int) -> Array:
+    if n_points < 2:
+        raise ValueError(f"n_points must be at least 2, got {n_points!r}")
+    return np.linspace(0.0, _positive("length", length), n_points)
 
 
 def _lengths(name: str, values: Array | Sequence[float] | float) -> Array:

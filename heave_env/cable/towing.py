@@ -71,7 +71,7 @@ def inclination(froude_number: Array | float, normal_drag_coefficient: float) ->
             f"froude_number and normal_drag_coefficient must not be negative, got {froude_number!r} and "
             f"{normal_drag_coefficient!r}"
         )
-    with np.errstate(divide="ignore"):
+    with np.errstate(divide="ignore", over="ignore"):
         r = 0.5 * math.pi / drag
     return np.asarray(np.arctan(np.sqrt(0.5 * r) * np.sqrt(r + np.hypot(r, 2.0))))
 
@@ -241,6 +241,8 @@ class Towing:
 
     def solve(self, n_points: int = 101) -> Tow:
         """Where the cable lies and what it bears, at `n_points` evenly along it."""
+        if n_points < 2:
+            raise ValueError(f"n_points must be at least 2, got {n_points!r}")
         s = np.linspace(0.0, self.length, n_points)
         angle = self.inclination
         slip = self.speed * math.cos(angle) - self.payout_rate
