@@ -60,7 +60,7 @@ def force_per_length(tow: Towing) -> Array:
 
 
 @validation("closed form")
-def straight_tow_angle() -> Iterator[Finding]:
+def tow_angle_and_its_limits() -> Iterator[Finding]:
     """(1) and its inverse are each other, and keep the limits: hanging at rest, along the flow at speed;
     rounding.
 
