@@ -395,13 +395,14 @@ class Suspension:
             Quantity("omega_at_tension_max", float(swept.omega[peak]), "rad/s", "where that is"),
             Quantity("tension_ratio_max", float(ratio[peak]), "-", "(T_max - T_static) / (K amplitude)"),
             Quantity("payload_amplitude_max", float(swept.payload_amplitude.max()), "m", "of the sweep"),
-            Quantity(
-                "slack_from_omega",
-                float(swept.omega[slack[0]]) if len(slack) else math.inf,
-                "rad/s",
-                "lowest frequency of the sweep at which tension vanishes somewhere; inf: none",
-            ),
         ]
+        if len(slack):
+            onset = float(swept.omega[slack[0]])
+            quantities.append(
+                Quantity(
+                    "slack_from_omega", onset, "rad/s", "lowest frequency at which tension vanishes somewhere"
+                )
+            )
         table = {
             "omega [rad/s]": swept.omega,
             "frequency [Hz]": swept.omega / (2.0 * math.pi),
