@@ -152,7 +152,7 @@ class WavesSolver:
         if not tension.min() > 1e-9 * tension.max():
             raise ValueError(
                 "natural modes need a taut line, got no tension at "
-                f"{self.shape.arc_length[int(np.argmin(tension))]:g} m from its lower end"
+                f"{self.shape.arc_length[int(np.argmin(tension))]:g} m from its lower end; tighten the line"
             )
         n = int(self._free.sum())
         require(

@@ -1,4 +1,4 @@
-"""The static shape: bad input, invariants, robustness and the contract; its validation cases hold the rest."""
+"""The static shape: bad input, invariants, robustness, contract; its validation cases hold the rest."""
 
 from __future__ import annotations
 
