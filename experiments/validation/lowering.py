@@ -47,6 +47,7 @@ from heave_env.cable.lowering import (
     drag_in_regular_motion,
 )
 from heave_env.parameters import Payload, SeaState
+from heave_env.vessel import boom_tip_spectrum
 
 Array = np.ndarray
 
@@ -478,37 +479,48 @@ def hauling_and_lowering_against_the_axial_solver() -> Iterator[Finding]:
         )
 
 
+def _random_heave(sea: SeaState, time: Array, seed: int) -> Array:
+    """A realisation of the sea, 401 sinusoids at random places of their bins, ramped up in 60 s."""
+    chance = np.random.default_rng(seed)
+    omega = sea.peak_omega * np.linspace(0.25, 6.0, 401)
+    width = omega[1] - omega[0]
+    omega = omega + (chance.random(401) - 0.5) * width
+    amplitude = np.sqrt(2.0 * boom_tip_spectrum(omega, sea, None) * width)
+    heave = np.zeros_like(time)
+    for a, w, phase in zip(amplitude, omega, 2.0 * math.pi * chance.random(401), strict=True):
+        heave += a * np.cos(w * time + phase)
+    return np.asarray(heave * np.minimum(1.0, time / 60.0))
+
+
 @validation("agreement")
 def random_sea_against_the_axial_solver() -> Iterator[Finding]:
-    """Standard deviation of the tension in half an hour of a random sea: the mean-square drag against the
-    simulated.
+    """Tension in a random sea: drag linearised in the mean square against the simulated, four half hours.
 
-    One realisation of 1800 s scatters by about 3 %, and drag makes the tension less Gaussian: 6 %. The most
-    of it lies within the expected extreme by 15 %.
+    Over eight realisations the standard deviation of the tension came out 2 to 4 % low and the expected
+    extreme 7 to 13 % high, as drag is not Gaussian: 6 % and 15 %. The means over four scatter by 1 % and 3 %.
     """
     lowering = light_lowering()
-    sea = SeaState(kind="random_phase", significant_wave_height=1.0, peak_omega=0.7)
-    found = lowering.in_sea(2000.0, sea, exposure=1800.0)
     dt = 0.05
     time = dt * np.arange(38_001)
-    omega = 0.7 * np.linspace(0.25, 6.0, 401)
-    from heave_env.vessel import boom_tip_spectrum
-
-    random = np.random.default_rng(3)
-    omega = omega + (random.random(401) - 0.5) * (omega[1] - omega[0])
-    amplitude = np.sqrt(2.0 * boom_tip_spectrum(omega, sea, None) * 0.7 * 5.75 / 400.0)
-    phase = 2.0 * math.pi * random.random(401)
-    heave = np.zeros_like(time)
-    for a, w, p in zip(amplitude, omega, phase, strict=True):
-        heave += a * np.cos(w * time + p)
-    solver = AxialSolver(cable=lowering.cable, payload=lowering.payload, length=2000.0)
-    record = solver.simulate(heave * np.minimum(1.0, time / 60.0), dt)
-    steady = record.time >= 100.0
-    tension, payload = record.sheave_tension[steady], record.payload_displacement[steady]
-    yield relative("significant amplitude of the tension [N]", found.amplitude[-1], 2.0 * tension.std(), 0.06)
-    yield relative("significant amplitude of the payload [m]", found.payload_heave, 2.0 * payload.std(), 0.06)
-    extreme = found.highest[-1] - found.mean[-1]
-    yield relative("greatest departure of the tension [N]", extreme, tension.max() - tension.mean(), 0.15)
+    for height, omega in ((0.4, 0.7), (1.0, 0.7)):
+        sea = SeaState(kind="random_phase", significant_wave_height=height, peak_omega=omega)
+        found = lowering.in_sea(2000.0, sea, exposure=1800.0)
+        solver = AxialSolver(cable=lowering.cable, payload=lowering.payload, length=2000.0)
+        tensions, motions, extremes = [], [], []
+        for seed in range(4):
+            record = solver.simulate(_random_heave(sea, time, seed), dt)
+            steady = record.time >= 100.0
+            tension = record.sheave_tension[steady]
+            tensions.append(2.0 * float(tension.std()))
+            motions.append(2.0 * float(record.payload_displacement[steady].std()))
+            extremes.append(float(tension.max() - tension.mean()))
+        at = f"Hs {height:g} m"
+        yield relative(f"significant tension, {at} [N]", found.amplitude[-1], float(np.mean(tensions)), 0.06)
+        yield relative(
+            f"significant payload heave, {at} [m]", found.payload_heave, float(np.mean(motions)), 0.04
+        )
+        extreme = float(found.highest[-1] - found.mean[-1])
+        yield relative(f"greatest rise of the tension, {at} [N]", extreme, float(np.mean(extremes)), 0.15)
 
 
 @validation("agreement")
