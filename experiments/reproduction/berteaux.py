@@ -48,6 +48,7 @@ def _draw_loads(axes: Any) -> None:
         axes.axhline(share * strength / 1e3, color=DARK, lw=1.0, ls=dash)
         axes.text(100.0, share * strength / 1e3 + 0.3, f"{share:.0%} of strength", fontsize=8, color=DARK)
     axes.set_xlim(0.0, LENGTHS[-1])
+    axes.set_xticks(range(0, 7000, 1000))
     axes.set_ylim(0.0, 30.0)
     axes.set_xlabel("length of cable paid out [m]")
     axes.set_ylabel("peak tension at the sheave [kN]")
