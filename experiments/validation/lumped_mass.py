@@ -322,8 +322,9 @@ def axial_beside(
 @validation("agreement")
 def lumped_mass_and_axial() -> Iterator[Finding]:
     """Vertical motion at fixed length is the axial solver's own equations, in air and in water, slack and
-    snap too: equal to rounding of 300 m. The sheave's tension stands half a segment above its mean of the step by
-    weight, inertia and drag here, by extrapolation there: 5 N of 40 kN."""
+    snap too: equal to rounding of 300 m. What lies between the sheave and the middle
+    of the last segment enters the tension by weight, inertia and drag here, by extrapolation there: 5 N of
+    40 kN."""
     dt = 0.05
     time = dt * np.arange(2401)
     heave, fixed = _heaving(time), np.full(len(time), LENGTH)
@@ -503,8 +504,8 @@ def _shaking(record: LineRecord, begin: float, end: float) -> float:
 @validation("published")
 def lumped_mass_loop_turn() -> Iterator[Finding]:
     """H 5.7.4: round a circle of 150 m radius at 4 and at 2 m/s, and at 4 m/s in air. In water the unit cuts
-    the corner, more the faster the tow, flies higher the faster, and the vibration of the unstrained start dies
-    out. In air it swings across from the circle on, and the vibration persists."""
+    the corner, more the faster the tow, flies higher the faster, and the vibration of the unstrained start
+    dies out. In air it swings across from the circle on, and the vibration persists."""
     inside, risen = {}, {}
     for speed in (4.0, 2.0):
         record, path = loop_turn(speed)
