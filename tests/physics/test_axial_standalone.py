@@ -6,6 +6,7 @@ import copy
 import dataclasses
 import math
 import pickle
+import time as clock
 
 import numpy as np
 import pytest
@@ -279,3 +280,13 @@ def test_a_lowering_is_a_value():
     assert isinstance(CASE, Lowering)
     assert example_five(duration=1.0) == CASE
     assert hash(example_five(duration=1.0)) == hash(CASE)
+
+
+def test_a_march_is_far_faster_than_real_time():
+    one, motion = solver(), heave(20_000)
+    one.simulate(motion[:10], DT)
+    start = clock.perf_counter()
+    one.simulate(motion, DT)
+    ratio = 1000.0 / (clock.perf_counter() - start)
+    print(f"20 elements, 0.05 s: {ratio:.0f} simulated seconds per second")
+    assert ratio > 1000.0
