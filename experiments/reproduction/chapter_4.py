@@ -275,8 +275,8 @@ def thesis_4_8(figure: Any) -> Caption:
     return Caption(
         parameters=EXAMPLE_THREE,
         assumed=EXAMPLE_THREE_ASSUMED,
-        shows="A metre of heave at the top is amplified to some 3.5 m, for 300 m lies near resonance at 1 rad/s; "
-        "up to 1 m/s the current changes that by one per cent. The scale does not begin at zero.",
+        shows="A metre of heave at the top is amplified to some 3.5 m, for 300 m lies near resonance at "
+        "1 rad/s; up to 1 m/s the current changes that by one per cent. The scale does not begin at zero.",
     )
 
 
