@@ -41,7 +41,7 @@ from heave_env.cable.axial import AxialSolver
 from heave_env.cable.closed_form import payload_response
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.parameters import Cable, Payload, SeaState, Vessel, require_number
-from heave_env.vessel import boom_tip_lines, boom_tip_spectrum
+from heave_env.vessel import boom_tip_lines
 
 Array = np.ndarray
 
@@ -441,13 +441,12 @@ class Lowering:
     ) -> PeakTensions:
         """Peak tension against length and sea state; arguments as of `in_sea`."""
         L = _lengths("lengths", lengths)
-        found = [
-            [
-                self.in_sea(float(one), sea, vessel=vessel, payout_rate=payout_rate, exposure=exposure)
-                for one in L
-            ]
-            for sea in sea_states
-        ]
+        _positive("exposure", exposure)
+        _finite("payout_rate", payout_rate)
+        found = []
+        for sea in sea_states:
+            lines = (*sheave_lines(sea, vessel), sea.kind == "regular", payout_rate, exposure)
+            found.append([self._in_sea(_points(float(length), 21), *lines) for length in L])
         peak = np.array([[tension.peak for tension in row] for row in found])
         return PeakTensions(L, peak, np.array([[tension.least for tension in row] for row in found]))
 
@@ -723,11 +722,19 @@ class Lowering:
 
 
 def sheave_lines(sea_state: SeaState, vessel: Vessel | None) -> tuple[Array, Array]:
-    """The sheave's heave as lines: frequencies [rad/s] and the variance at each [m²]; none in a calm."""
-    if sea_state.kind in ("shaping_filter", "random_phase"):
-        omega = sea_state.peak_omega * np.linspace(0.25, 6.0, _N_LINES)
-        return omega, boom_tip_spectrum(omega, sea_state, vessel) * (omega[1] - omega[0])
-    return boom_tip_lines(sea_state, vessel)
+    """The sheave's heave as at most 400 lines: frequencies [rad/s] and the variance at each [m²].
+
+    Neighbours in the fine slices of a spectrum are put together at their centre of variance; a regular sea
+    has one line, a calm none.
+    """
+    omega, variance = boom_tip_lines(sea_state, vessel)
+    kept = variance > 1e-15 * variance.max(initial=0.0)
+    omega, variance = omega[kept], variance[kept]
+    if len(omega) <= _N_LINES:
+        return omega, variance
+    starts = np.linspace(0, len(omega), _N_LINES, endpoint=False).astype(int)
+    together = np.add.reduceat(variance, starts)
+    return np.add.reduceat(variance * omega, starts) / together, together
 
 
 def _finite(name: str, value: float) -> float:
