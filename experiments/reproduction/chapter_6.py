@@ -48,7 +48,7 @@ CABLE = (
     "900 m of 47 mm cable, 9.09e9 N/m², 7.2 kg/m, 54 N/m in water, C_t 0.025; unit of 125 t effective mass, "
     "50 kN in water, 1 m², C_d 1"
 )
-OWN_SEA = "The thesis's random numbers are not printed: the realisation is ours, of 200 s"
+OWN_SEA = "The thesis's random numbers are not printed: the realisation is ours"
 
 
 # The regulator's cable and sea ---------------------------------------------------------------------
@@ -283,8 +283,8 @@ def thesis_6_16(figure: Any) -> Caption:
     return Caption(
         parameters=f"{OF_THE_PRINTED}.",
         shows="The winch moves against the boom tip, as the thesis says: what is left at the sheave has "
-        f"{left:.1%} of the boom tip's root mean square. On the cable its "
-        "second mode, 5.19 rad/s, which no second-order model knows, keeps the winch busy.",
+        f"{left:.1%} of the boom tip's root mean square. On the cable "
+        "the loop rings at 3.9 rad/s beside it, for no second-order model knows the cable's waves.",
         assumed=f"{OWN_SEA}. Which of the two unlabelled figures, 6.15 and 6.16, shows the winch.",
     )
 
