@@ -1,11 +1,11 @@
 """How fast the 3-D line is, beside MoorDyn in the same run: simulated seconds per second of wall clock.
 
 The system of H 5.7 with 100 segments in a current of 0.5 m/s, its upper end on a circle of 2 m with 1 m of
-heave. Both codes march it in turns on one core, so that both meet the same machine; the figure is the median
-of the turns. Accuracy is stated beside speed: the largest distance of the payload, after the first 20 s, from a
-march of a 0.0025 s step, over the radius. MoorDyn's step is bound by axial waves, ours by the motion
-that is to be resolved. MoorDyn is called through its Python package, once per step of the motion; its error is
-mostly what 240 s of its own relaxation leave.
+heave. Both codes march it in turns on one core, so that both meet the same machine; the figure is the
+median of the turns. Accuracy is stated beside speed: the largest distance of the payload, after the first
+20 s, from a march of a 0.0025 s step, over the radius. MoorDyn's step is bound by axial waves, ours by the
+motion that is to be resolved. MoorDyn is called through its Python package, once per step of the motion; its
+error is mostly what 240 s of its own relaxation leave.
 """
 
 from __future__ import annotations
