@@ -4,7 +4,7 @@ s is the unstretched arc length from the lower support (s = 0, at the origin) to
 (span, 0, height)); r0(s) is the elastic catenary in still water, u(s, t) what the cable has moved from it,
 r = r0 + u, g = ∂r/∂s:
 
-    m u_tt + C_M ρ π d²/4 (I - t tᵀ) u_tt = ∂/∂s (N g - N0 g0) + f_drag + f,      N0 g0 = the static force
+    (m + m_a t tᵀ + C_M ρ π d²/4 (I - t tᵀ)) u_tt = ∂/∂s (N g - N0 g0) + f_drag + f,   N0 g0 at rest
     tension law   N = T(|g| - 1) / |g|,  the cable's own law, or
                   N = N0 + EA ε,  ε = g0·u_s + |u_s|²/2, the quadratic strain of Moustafa's (2)
     supports      u(0) and u(S) given
@@ -451,6 +451,12 @@ class SaggedSpanSolver:
         """Unstretched length of an element [m]."""
         return self.length / self.n_elements
 
+    @property
+    def _inertias(self) -> tuple[float, float]:
+        """Inertia per length in every direction, and what comes to it across the cable [kg/m]."""
+        along = self.cable.inertia_per_length
+        return along, self.cable.transverse_inertia_per_length - along
+
     @cached_property
     def _static(self) -> tuple[Array, Array, Array, Array]:
         """∂r0/∂s, force with N0 and tension, stretch at the elements' middles; tensions at the ends."""
@@ -547,8 +553,7 @@ class SaggedSpanSolver:
             self.spacing,
             cable.axial_stiffness,
             cable.axial_damping,
-            cable.mass_per_length,
-            cable.normal_added_mass_per_length,
+            *self._inertias,
             cable.normal_drag_per_length,
             cable.tangential_drag_per_length,
             cable.tension_only,
@@ -631,7 +636,8 @@ class SaggedSpanSolver:
         t /= np.maximum(np.linalg.norm(t, axis=1, keepdims=True), 1e-12)
         inner = v[1:-1]
         across = np.sum(inner**2, axis=1) - np.sum(inner * t, axis=1) ** 2
-        kinetic = cable.mass_per_length * np.sum(inner**2) + cable.normal_added_mass_per_length * across.sum()
+        mass, added = self._inertias
+        kinetic = mass * np.sum(inner**2) + added * across.sum()
         stored = 0.5 * cable.axial_stiffness * np.sum(taut**2) + cable.submerged_weight * np.sum(u[1:-1, 2])
         return float(self.spacing * (0.5 * kinetic + stored))
 
@@ -648,12 +654,10 @@ class SaggedSpanSolver:
         K, M = np.zeros((n - 1, 3, n - 1, 3)), np.zeros((n - 1, 3, n - 1, 3))
         along = t[:-1] + t[1:]
         along /= np.linalg.norm(along, axis=1, keepdims=True)
+        mass, added = self._inertias
         for i in range(n - 1):
             K[i, :, i] = elements[i] + elements[i + 1]
-            M[i, :, i] = self.spacing * (
-                (cable.mass_per_length + cable.normal_added_mass_per_length) * eye
-                - cable.normal_added_mass_per_length * np.outer(along[i], along[i])
-            )
+            M[i, :, i] = self.spacing * ((mass + added) * eye - added * np.outer(along[i], along[i]))
             if i > 0:
                 K[i, :, i - 1] = K[i - 1, :, i] = -elements[i]
         size = 3 * (n - 1)
