@@ -554,54 +554,56 @@ def _merge(n, motion, fed):
     length[n - 2] = lower + upper
 
 
-def _make_march(fingerprint: int):
-    @njit(error_model="numpy")
-    def advance(n, first, last, motion, chain, work, dt, limit):
-        """One step: Newton on the increments `work.u`. Returns the residual left [N], zero if it settled."""
-        if fingerprint == 0:
-            return np.inf
-        r, v, acceleration, length = motion
-        u, G, change = work.u, work.G, work.change
-        for i in range(first, last + 1):
-            for k in range(3):
-                u[i, k] = dt * (v[i, k] + 0.5 * dt * acceleration[i, k])
-        settled = False
-        residual = np.inf
-        for _ in range(limit):
-            _assemble(n, r, v, length, chain, work, dt, False)
-            residual = _largest(G, first, last)
-            _eliminate(first, last, G, work.below, work.diagonal, work.above, change)
-            size = _largest(change, first, last)
-            if not size < np.inf:
-                break
-            _move(first, last, u, change, size, chain.nominal)
-            if size <= chain.tolerance * chain.nominal:
-                settled = True
-                break
-        if not settled:
-            return max(residual, 1e-300)
-        # The tensions assembled last are those before the last correction.
-        for j in range(n):
-            old, new = 0.0, 0.0
-            for k in range(3):
-                o = r[j + 1, k] - r[j, k]
-                old += o * o
-                new += (o + u[j + 1, k] - u[j, k]) ** 2
-            strains = math.sqrt(old) / length[j] - 1.0, math.sqrt(new) / work.l_new[j] - 1.0
-            EA, CA = chain.law[j, _EA], chain.law[j, _CA]
-            slack = chain.law[j, _TENSION_ONLY] > 0.0
-            work.tension[j], _ = mean_tension(strains[0], strains[1], EA, CA, 1.0 / dt, slack)
-        for i in range(first, last + 1):
-            for k in range(3):
-                acceleration[i, k] = 2.0 / dt * (u[i, k] / dt - v[i, k])
-        return 0.0
+# At the top of the module, for numba's cache of a function that has another one in its closure never hits.
+@njit(error_model="numpy")
+def _advance(n, first, last, motion, chain, work, dt, limit):
+    """One step: Newton on the increments `work.u`. Returns the residual left [N], zero if it settled."""
+    r, v, acceleration, length = motion
+    u, G, change = work.u, work.G, work.change
+    for i in range(first, last + 1):
+        for k in range(3):
+            u[i, k] = dt * (v[i, k] + 0.5 * dt * acceleration[i, k])
+    settled = False
+    residual = np.inf
+    for _ in range(limit):
+        _assemble(n, r, v, length, chain, work, dt, False)
+        residual = _largest(G, first, last)
+        _eliminate(first, last, G, work.below, work.diagonal, work.above, change)
+        size = _largest(change, first, last)
+        if not size < np.inf:
+            break
+        _move(first, last, u, change, size, chain.nominal)
+        if size <= chain.tolerance * chain.nominal:
+            settled = True
+            break
+    if not settled:
+        return max(residual, 1e-300)
+    # The tensions assembled last are those before the last correction.
+    for j in range(n):
+        old, new = 0.0, 0.0
+        for k in range(3):
+            o = r[j + 1, k] - r[j, k]
+            old += o * o
+            new += (o + u[j + 1, k] - u[j, k]) ** 2
+        strains = math.sqrt(old) / length[j] - 1.0, math.sqrt(new) / work.l_new[j] - 1.0
+        EA, CA = chain.law[j, _EA], chain.law[j, _CA]
+        slack = chain.law[j, _TENSION_ONLY] > 0.0
+        work.tension[j], _ = mean_tension(strains[0], strains[1], EA, CA, 1.0 / dt, slack)
+    for i in range(first, last + 1):
+        for k in range(3):
+            acceleration[i, k] = 2.0 / dt * (u[i, k] / dt - v[i, k])
+    return 0.0
 
+
+def _make_march(fingerprint: int):
     @njit(cache=True, error_model="numpy")
     def march(n, lower_held, upper_held, motion, chain, ends, flow, time, dt, every, record):
         """Drives the line through given motions of its ends and lengths; fills the record.
 
         Returns the segments at the end, the step that failed (-1: none) and its residual.
         """
+        if fingerprint == 0:
+            return n, 0, np.inf
         r, v, acceleration, length = motion
         room = len(length)
         work = _workspace(room)
@@ -635,7 +637,7 @@ def _make_march(fingerprint: int):
                         if upper_held:
                             u[n, k] = (ends.tops[step, k] - ends.tops[step - 1, k]) / pieces
                     limit = 20 if pieces < MOST_PIECES else 60
-                    residual = advance(n, first, last, motion, chain, work, h, limit)
+                    residual = _advance(n, first, last, motion, chain, work, h, limit)
                     if residual > 0.0:
                         break
                     _end_force(False, n, motion, chain, work, h, False, lower_held, bottom_force, 0.0)
