@@ -140,7 +140,7 @@ def _draw_catenaries(figure: Any, shapes: list[Any], w: float, length: float) ->
     axes.set_xlabel("along the span [m]")
     axes.set_ylabel("height above the lower end [m]")
     axes.set_aspect("equal")
-    axes.legend(fontsize=7.5)
+    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 @validation("closed form")
@@ -526,7 +526,7 @@ def _draw_footprints(figure: Any) -> None:
     axes.set_xlabel("x [m]")
     axes.set_ylabel("y [m]")
     axes.set_aspect("equal")
-    axes.legend(fontsize=8)
+    axes.legend(fontsize=8, loc="upper left", bbox_to_anchor=(1.0, 1.0))
 
 
 @validation("closed form")
