@@ -68,9 +68,11 @@ DOUBT_FLOOR = 0.01
 def nominal_sea(scenario: Scenario) -> SeaState | None:
     """The shaping-filter or regular sea that stands for the scenario's own in a design; None when calm.
 
-    A random-phase sea is modelled by the shaping filter of the same Hs and modal frequency, which holds
-    94 % of its variance. A recorded motion is modelled by the shaping filter of four times its standard
-    deviation and of its zero-crossing period: two statistics of the file, not its course.
+    A random-phase sea of Bretschneider's spectrum is modelled by the thesis's filter of the same Hs and modal
+    frequency, which holds 94 % of its variance, unless the sea asks for a fitted one; any other spectrum, and
+    a boom tip by a table, by the filter fitted to it. A recorded motion is modelled by the thesis's filter of
+    four times its standard deviation and of its zero-crossing period: two statistics of the file, not its
+    course.
     """
     sea = scenario.sea_state
     if sea.kind == "calm":
@@ -86,6 +88,8 @@ def nominal_sea(scenario: Scenario) -> SeaState | None:
         )
     if sea.kind == "regular":
         return sea
+    if not sea.is_bretschneider or scenario.vessel_table is not None:
+        return replace(sea, kind="shaping_filter", filter="fitted")
     return replace(sea, kind="shaping_filter")
 
 
@@ -116,9 +120,9 @@ def sea_filter(scenario: Scenario) -> LinearFilter | None:
     if sea is None:
         return None
     if sea.kind != "regular":
-        return boom_tip_filter(sea, scenario.vessel)
+        return boom_tip_filter(sea, scenario.boom_tip_vessel)
     omega = sea.peak_omega
-    response = abs(complex(heave_response(np.array(omega), scenario.vessel)))
+    response = abs(complex(heave_response(np.array(omega), scenario.boom_tip_vessel)))
     amplitude = 0.5 * sea.significant_wave_height * response
     A = np.array([[0.0, 1.0], [-(omega**2), -2.0 * REGULAR_DAMPING * omega]])
     # Variance pi B² / (4 zeta omega³) of the oscillator's displacement is to be amplitude² / 2.
@@ -130,13 +134,16 @@ def filter_state_sizes(scenario: Scenario) -> Array:
     """Standard deviations by which the filter states of unit variance multiply to those of the thesis.
 
     The thesis's states are those of (6.23) and (6.26), whose coordinates its energy index depends on.
-    A regular sea has the oscillator's own heave and rate. Shape (n_filter_states,); empty when calm.
+    A regular sea has the oscillator's own heave and rate, a fitted filter, which the thesis does not know,
+    its states of unit variance. Shape (n_filter_states,); empty when calm.
     """
     sea, scaled = nominal_sea(scenario), sea_filter(scenario)
     if sea is None or scaled is None:
         return np.zeros(0)
     if sea.kind == "regular":
         return np.asarray(np.diag(scaled.C))
+    if sea.filter == "fitted":
+        return np.ones(scaled.n_states)
     wave_sizes = np.sqrt(np.diag(wave_filter(sea).covariance))
     if scenario.vessel is None:
         return np.asarray(wave_sizes)

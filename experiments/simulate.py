@@ -57,6 +57,7 @@ def with_motion(scenario: Scenario, path: str | Path, duration: float | None = N
         scenario,
         sea_state=sea,
         vessel=None,
+        vessel_table=None,
         start="hanging",
         duration=round(n_steps * scenario.control_dt, 9),
     )

@@ -18,7 +18,14 @@ SEAWATER_DENSITY = 1025.0
 GRAVITY = 9.80665
 """Standard gravity [m/s²] (CGPM 1901)."""
 
+FULLY_DEVELOPED = (4.0 * 0.0081 / 1.25) ** 0.25
+"""Modal frequency of a fully developed sea over sqrt(g/Hs) [-] (Pierson and Moskowitz 1964: α = 0.0081)."""
+
 SEA_KINDS = ("shaping_filter", "random_phase", "regular", "recorded", "calm")
+SPECTRA = ("bretschneider", "pierson_moskowitz", "jonswap", "ochi_hubble", "torsethaugen", "measured")
+FILTERS = ("thesis", "fitted")
+LARGEST_FILTER = 16
+"""States of the largest shaping filter that is fitted [-]."""
 
 
 def require(condition: bool, owner: object, field: str, expectation: str) -> None:
@@ -71,22 +78,48 @@ def name_hint(name: object, known: Iterable[str], otherwise: str) -> str:
 class SeaState:
     """The sea, or the recorded motion that stands in for it.
 
-    The spectrum is Bretschneider's (1959) two-parameter form; Pierson and Moskowitz's is a member of
-    it. See `heave_env.sea` for the realisations that `kind` selects.
+    `spectrum` says what the sea is (see `heave_env.spectra`), `kind` how it is realised (see
+    `heave_env.sea`).
     """
 
     kind: str = "shaping_filter"
-    """`shaping_filter` (white noise through the thesis's rational filter), `random_phase` (sum of
+    """`shaping_filter` (white noise through a rational filter), `random_phase` (sum of
     sinusoids), `regular` (one sinusoid of random phase), `recorded` (a motion file moves the boom
     tip) or `calm`."""
     significant_wave_height: float = 0.0
-    """Hs [m]; of a regular sea the wave height, twice the amplitude."""
+    """Hs [m]; of a regular sea the wave height, twice the amplitude; of a measured spectrum what it is scaled
+    to, 0 for as measured."""
     peak_omega: float = 1.0
-    """Modal frequency ω_m of the spectrum [rad/s]; of a regular sea its frequency."""
+    """Modal frequency ω_m of the spectrum [rad/s], of a two-peaked one that of its primary system; of a
+    regular sea its frequency. A Pierson-Moskowitz or measured spectrum has its own: leave 1.0."""
     n_components: int = 128
     """Sinusoids of a random-phase sea [-]."""
     recording: str | None = None
     """Path of the motion file of a recorded sea: CSV with columns time, heave and optionally payout."""
+    spectrum: str = "bretschneider"
+    """`bretschneider`, `pierson_moskowitz` (fully developed: its frequency follows from Hs), `jonswap`,
+    `ochi_hubble` (two systems, six parameters), `torsethaugen` (two systems, of Hs and ω_m) or `measured`."""
+    peak_enhancement: float = 3.3
+    """γ of the JONSWAP spectrum [-]."""
+    shape: float = 1.0
+    """λ of the first system of an Ochi-Hubble sea [-]; 1 is Bretschneider's form, more is narrower."""
+    second_wave_height: float = 0.0
+    """Significant height of its second system [m], a part of the whole: Hs² = Hs_1² + Hs_2²."""
+    second_peak_omega: float = 1.0
+    """Modal frequency of its second system [rad/s]."""
+    second_shape: float = 1.0
+    """λ of its second system [-]."""
+    spectrum_file: str | None = None
+    """File of a measured spectrum: CSV with columns omega and density, or what `spectrum_reader` reads."""
+    spectrum_reader: str | None = None
+    """Reader of the package wavespectra for that file, such as swan, ww3 or ndbc_ascii; null: CSV."""
+    spectrum_record: int = 0
+    """Which of several spectra in that file [-]."""
+    filter: str = "thesis"
+    """Of a shaping-filter sea: `thesis` (six states, 94 % of Bretschneider's variance) or `fitted` (to the
+    spectrum, by least squares)."""
+    filter_order: int = 6
+    """States of the filter [-]: even; the thesis's has 6."""
 
     def __post_init__(self) -> None:
         require(self.kind in SEA_KINDS, self, "kind", f"one of {', '.join(SEA_KINDS)}")
@@ -95,12 +128,73 @@ class SeaState:
         require_integer(self, "n_components", minimum=1)
         if self.kind == "recorded":
             require(bool(self.recording), self, "recording", "the path of a motion file (kind is recorded)")
-        if self.kind in ("shaping_filter", "random_phase", "regular"):
+        measured = self.spectrum == "measured"
+        if self.kind in ("shaping_filter", "random_phase", "regular") and not measured:
             require_number(self, "significant_wave_height", positive=True)
+        self._check_spectrum()
+        self._check_filter()
+
+    def _check_spectrum(self) -> None:
+        require(self.spectrum in SPECTRA, self, "spectrum", f"one of {', '.join(SPECTRA)}")
+        require_number(self, "second_wave_height", non_negative=True)
+        require_number(self, "second_peak_omega", positive=True)
+        for field in ("shape", "second_shape"):
+            require_number(self, field)
+            require(getattr(self, field) > 0.5, self, field, "more than 0.5, so that the rate has a variance")
+        require_number(self, "peak_enhancement")
+        require(self.peak_enhancement >= 1.0, self, "peak_enhancement", "at least 1")
+        require_integer(self, "spectrum_record", minimum=0)
+        for fields, spectrum in (
+            (("peak_enhancement",), "jonswap"),
+            (("shape", "second_wave_height", "second_peak_omega", "second_shape"), "ochi_hubble"),
+            (("spectrum_file", "spectrum_reader", "spectrum_record"), "measured"),
+        ):
+            for field in fields if self.spectrum != spectrum else ():
+                self._require_default(field, "spectrum", f"only {spectrum} has it")
+        if self.spectrum in ("pierson_moskowitz", "measured"):
+            self._require_default("peak_omega", "spectrum", "that spectrum has its own modal frequency")
+        if self.spectrum == "measured":
+            require(bool(self.spectrum_file), self, "spectrum_file", "a file (spectrum is measured)")
+        if self.spectrum == "ochi_hubble" and self.kind in ("shaping_filter", "random_phase"):
+            require(
+                0.0 < self.second_wave_height < self.significant_wave_height,
+                self,
+                "second_wave_height",
+                "between zero and significant_wave_height, of which it is a part",
+            )
+        if self.kind == "regular":
+            self._require_default("spectrum", "kind", "a regular sea has no spectrum")
+
+    def _check_filter(self) -> None:
+        require(self.filter in FILTERS, self, "filter", f"one of {', '.join(FILTERS)}")
+        require_integer(self, "filter_order", minimum=2)
+        ok = self.filter_order % 2 == 0 and self.filter_order <= LARGEST_FILTER
+        require(ok, self, "filter_order", f"even and at most {LARGEST_FILTER}")
+        if self.filter == "thesis":
+            self._require_default("filter_order", "filter", "the thesis's filter has 6 states")
+            if self.kind == "shaping_filter" and not self.is_bretschneider:
+                raise ValueError(
+                    f"SeaState.filter 'thesis' contradicts SeaState.spectrum {self.spectrum!r}: it is a fit "
+                    "to Bretschneider's spectrum; set filter to fitted"
+                )
+
+    def _require_default(self, field: str, other: str, reason: str) -> None:
+        default = type(self).__dataclass_fields__[field].default
+        if getattr(self, field) != default:
+            raise ValueError(
+                f"SeaState.{field} {getattr(self, field)!r} contradicts SeaState.{other} "
+                f"{getattr(self, other)!r}: {reason}; leave {field} at {default!r}"
+            )
+
+    @property
+    def is_bretschneider(self) -> bool:
+        """Whether the spectrum is a member of Bretschneider's two-parameter family."""
+        return self.spectrum in ("bretschneider", "pierson_moskowitz")
 
     @property
     def variance(self) -> float:
-        """Variance of the elevation under the true spectrum, Hs²/16 [m²]."""
+        """Variance of the elevation under the true spectrum, Hs²/16 [m²]; of a measured spectrum that gives
+        no height see `heave_env.spectra.significant_wave_height`."""
         return self.significant_wave_height**2 / 16.0
 
 
@@ -137,6 +231,29 @@ class Vessel:
         require_number(self, "natural_omega", positive=True)
         require_number(self, "damping_ratio", positive=True)
         require_number(self, "gain", positive=True)
+
+
+@dataclass(frozen=True, kw_only=True)
+class VesselTable:
+    """Boom tip behind the sea by response amplitude operators (RAOs): heave, roll and pitch from a table.
+
+    Axes x forward, y to port, z up from the table's reference point; rotations are right-handed, so roll is
+    positive with port up and pitch with bow down, and the boom tip heaves by heave - x pitch + y roll.
+    """
+
+    table: str = "construction_vessel"
+    """CSV file of the table (see docs/sea.md), or the name of a shipped one."""
+    heading: float = math.pi
+    """Where the waves travel to, from the bow towards port [rad]: 0 following, π/2 from starboard, π head."""
+    boom_tip_x: float = 0.0
+    """Boom tip forward of the reference point [m]."""
+    boom_tip_y: float = 0.0
+    """Boom tip to port of it [m]."""
+
+    def __post_init__(self) -> None:
+        require(isinstance(self.table, str) and bool(self.table), self, "table", "a file or a name")
+        for field in ("heading", "boom_tip_x", "boom_tip_y"):
+            require_number(self, field)
 
 
 @dataclass(frozen=True, kw_only=True)

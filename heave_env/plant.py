@@ -149,7 +149,9 @@ class Plant:
         ages = [round(sensor.delay / scenario.control_dt) for sensor in sensors]
         n_filter = scenario.n_filter_states
         kind = _SEA_KINDS[scenario.sea_state.kind]
-        components = boom_tip_components(scenario.sea_state, scenario.vessel) if kind == k.SINUSOIDS else None
+        components = (
+            boom_tip_components(scenario.sea_state, scenario.boom_tip_vessel) if kind == k.SINUSOIDS else None
+        )
         cfg[k.SEA_KIND] = kind
         cfg[k.N_FILTER] = n_filter
         cfg[k.N_COMPONENTS] = 0 if components is None else len(components.amplitude)
@@ -187,7 +189,7 @@ class Plant:
 
         place(k.AT_HERMITE, cubic_coefficients(scenario.n_substeps, scenario.control_dt))
         if n_filter:
-            boom_tip = boom_tip_filter(scenario.sea_state, scenario.vessel)
+            boom_tip = boom_tip_filter(scenario.sea_state, scenario.boom_tip_vessel)
             F, Q = boom_tip.discretised(scenario.control_dt)
             place(k.AT_FILTER, F, square_root(Q), square_root(boom_tip.covariance), boom_tip.C)
         if components is not None:

@@ -29,6 +29,7 @@ from heave_env.parameters import (
     PayOut,
     SeaState,
     Vessel,
+    VesselTable,
     Winch,
     name_hint,
     peak_omega_of_zero_crossing_period,
@@ -36,9 +37,11 @@ from heave_env.parameters import (
     require_integer,
     require_number,
 )
+from heave_env.rao import table_path
 from heave_env.sensors import CHANNELS, INFORMATION_SETS, Sensor
+from heave_env.spectra import modal_omega
 from heave_env.task import Task
-from heave_env.vessel import boom_tip_lines
+from heave_env.vessel import boom_tip_lines, boom_tip_size
 
 STARTS = ("hanging", "compensated")
 DEFAULT_HISTORY_LAGS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
@@ -80,6 +83,9 @@ class Scenario:
     """Unstretched cable outboard at the start, sheave to payload [m]; null for a linear payload."""
     sea_state: SeaState
     vessel: Vessel | None = None
+    vessel_table: VesselTable | None = None
+    """The vessel by a table of responses, in place of `vessel`: what heave, roll and pitch make of the boom
+    tip; null for none."""
     winch: Winch
     cable: Cable | None = None
     payload: Payload | None = None
@@ -159,10 +165,27 @@ class Scenario:
                 "n_elements",
                 "1 for a massless cable (a spring)",
             )
-        if self.sea_state.kind == "recorded" and self.vessel is not None:
+        self._check_vessel()
+
+    def _check_vessel(self) -> None:
+        sea = self.sea_state
+        for part in ("vessel", "vessel_table") if sea.kind == "recorded" else ():
+            if getattr(self, part) is not None:
+                raise ValueError(
+                    f"Scenario.{part} must be null when sea_state.kind is recorded: the recording moves the "
+                    "boom tip itself"
+                )
+        if self.vessel_table is None:
+            return
+        if self.vessel is not None:
             raise ValueError(
-                "Scenario.vessel must be null when sea_state.kind is recorded: the recording moves the boom "
-                "tip itself"
+                "Scenario.vessel_table contradicts Scenario.vessel: both carry the sea to the boom tip; set "
+                "one of them to null"
+            )
+        if sea.kind == "shaping_filter" and sea.filter == "thesis":
+            raise ValueError(
+                "SeaState.filter 'thesis' contradicts Scenario.vessel_table, whose boom tip has a spectrum "
+                "of its own; set sea_state.filter to fitted or sea_state.kind to random_phase"
             )
 
     def _check_sensors(self) -> None:
@@ -220,6 +243,11 @@ class Scenario:
     # The plant -----------------------------------------------------------------------------------
 
     @property
+    def boom_tip_vessel(self) -> Vessel | VesselTable | None:
+        """What carries the sea to the boom tip: the vessel's filter, its table, or neither."""
+        return self.vessel if self.vessel_table is None else self.vessel_table
+
+    @property
     def is_linear(self) -> bool:
         """Whether the plant is the linear payload model."""
         return self.linear_payload is not None
@@ -258,7 +286,7 @@ class Scenario:
         """
         from heave_env.cable.closed_form import linearised_payload_std
 
-        omega, variance = boom_tip_lines(self.sea_state, self.vessel)
+        omega, variance = boom_tip_lines(self.sea_state, self.boom_tip_vessel)
         if self.linear_payload is not None:
             a, b = self.linear_payload.inertia, self.linear_payload.damping
             response = 1.0 / (1.0 - a * omega**2 + 1j * b * omega)
@@ -278,8 +306,7 @@ class Scenario:
     @property
     def boom_tip_scale(self) -> float:
         """Characteristic boom-tip heave, about one standard deviation [m]."""
-        gain = self.vessel.gain if self.vessel is not None else 1.0
-        return 0.25 * self.sea_state.significant_wave_height * gain or 1.0
+        return boom_tip_size(self.sea_state, self.boom_tip_vessel) or 1.0
 
     def channel_scale(self, channel: str) -> tuple[float, float]:
         """Scale and offset by which an observed channel is made of order one [unit of the channel]."""
@@ -290,7 +317,7 @@ class Scenario:
             return 0.1 * self.static_tension, self.static_tension
         if channel == "length":
             return max(self.initial_length, 1.0), self.initial_length
-        rate = self.sea_state.peak_omega if channel.endswith("rate") else 1.0
+        rate = modal_omega(self.sea_state) if channel.endswith("rate") else 1.0
         offset = next((sensor.offset for sensor in self.sensors if sensor.channel == channel), 0.0)
         return self.boom_tip_scale * rate, offset
 
@@ -299,7 +326,7 @@ class Scenario:
         """States of the wave (and vessel) filter that a shaping-filter sea has [-]."""
         if self.sea_state.kind != "shaping_filter":
             return 0
-        return 6 if self.vessel is None else 8
+        return self.sea_state.filter_order + (0 if self.vessel is None else 2)
 
     @cached_property
     def observed_sensors(self) -> tuple[Sensor, ...]:
@@ -353,6 +380,13 @@ class Scenario:
         for part, keys in _ACROSS.items():
             for key in keys if content[part] is not None else ():
                 content[part].pop(key)
+        _leave_out_defaults(self.sea_state, content["sea_state"], _SEA_SINCE)
+        if self.vessel_table is None:
+            content.pop("vessel_table")
+        else:
+            content["vessel_table"]["table"] = _digest(table_path(self.vessel_table))
+        if self.sea_state.spectrum_file is not None:
+            content["sea_state"]["spectrum_file"] = _digest(Path(self.sea_state.spectrum_file))
         canonical = json.dumps(content, sort_keys=True)
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 
@@ -367,6 +401,35 @@ _ACROSS = {
     "payload": ("lateral_added_mass", "lateral_drag_area"),
 }
 """What only motion across the cable asks for, which this plant does not have."""
+_SEA_SINCE = (
+    "spectrum",
+    "peak_enhancement",
+    "shape",
+    "second_wave_height",
+    "second_peak_omega",
+    "second_shape",
+    "spectrum_file",
+    "spectrum_reader",
+    "spectrum_record",
+    "filter",
+    "filter_order",
+)
+"""Keys that came later: at their default they leave a fingerprint as it was before."""
+
+
+def _leave_out_defaults(parameters: object, content: dict[str, Any], keys: tuple[str, ...]) -> None:
+    fields = type(parameters).__dataclass_fields__  # type: ignore[attr-defined]
+    for key in keys:
+        if getattr(parameters, key) == fields[key].default:
+            content.pop(key)
+
+
+def _digest(path: Path) -> str:
+    """Hash of a file's content, on which results depend, not on where it lies; its path if unreadable."""
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()
+    except OSError:
+        return str(path)
 
 
 # To and from mappings and YAML -------------------------------------------------------------------
@@ -403,10 +466,14 @@ def to_yaml(scenario: Scenario) -> str:
     return document.to_yaml(scenario, f"heave_env scenario {scenario.name}. {units}")
 
 
+_FILES = (("sea_state", "recording"), ("sea_state", "spectrum_file"), ("vessel_table", "table"))
+
+
 def read(path: str | Path) -> Scenario:
     """Reads a scenario from a YAML file.
 
-    A relative `sea_state.recording` is looked up beside the YAML file.
+    Relative files (`sea_state.recording`, `sea_state.spectrum_file`, `vessel_table.table` unless it names a
+    shipped one) are looked up beside the YAML file.
 
     Raises:
         ValueError: If the file cannot be read, is no YAML, or holds no valid scenario.
@@ -414,9 +481,13 @@ def read(path: str | Path) -> Scenario:
     path = Path(path)
     mapping = document.read_mapping(path, "scenario")
     try:
-        sea = mapping.get("sea_state") if isinstance(mapping, dict) else None
-        if isinstance(sea, dict) and isinstance(sea.get("recording"), str):
-            sea["recording"] = str((path.parent / sea["recording"]).resolve())
+        for part, key in _FILES:
+            owner = mapping.get(part) if isinstance(mapping, dict) else None
+            named = owner.get(key) if isinstance(owner, dict) else None
+            # A table's bare name is that of a shipped one.
+            shipped = part == "vessel_table" and isinstance(named, str) and named.isidentifier()
+            if isinstance(owner, dict) and isinstance(named, str) and not shipped:
+                owner[key] = str((path.parent / named).resolve())
         return from_mapping(mapping)
     except ValueError as error:
         raise ValueError(f"{str(path)!r}: {error}") from error
