@@ -122,9 +122,8 @@ def hanging_span(cable: Cable, length: float, span: float, height: float) -> Cat
         ValueError: If no cable of this stiffness and length can hang there.
         ConvergenceError: If no forces are found that bring the end to the upper support.
     """
-    chord = math.hypot(span, height)
-    EA, w = cable.axial_stiffness, cable.submerged_weight
-    if length > chord and w == 0.0:
+    chord, EA = math.hypot(span, height), cable.axial_stiffness
+    if length > chord and cable.submerged_weight == 0.0:
         raise ValueError(
             f"a weightless cable of {length:g} m has no shape of its own between supports {chord:g} m apart; "
             "give it a submerged_weight, or make it shorter than the distance"
@@ -137,8 +136,20 @@ def hanging_span(cable: Cable, length: float, span: float, height: float) -> Cat
             f"{EA:g} N would take {taut:.3g} N to stretch it and {reason}; give a greater length or less "
             "stiffness"
         )
+    found = _balanced(cable, length, span, height)
+    most = float(found.tension(np.array([0.0, length])).max())
+    if most > limit:
+        raise ValueError(
+            f"impossible geometry: a cable of {length:g} m hangs between its supports at {most:.4g} N, but "
+            f"{reason}; give a greater length"
+        )
+    return found
+
+
+def _balanced(cable: Cable, length: float, span: float, height: float) -> Catenary:
+    """The catenary that ends at the supports, whether or not a cable would bear it."""
     H, V0 = _first_forces(cable, length, span, height)
-    scale = chord + length
+    scale = math.hypot(span, height) + length
 
     def miss(forces: tuple[float, float]) -> Array:
         x, z = _catenary_end(cable, np.array(length), *forces)
@@ -168,14 +179,7 @@ def hanging_span(cable: Cable, length: float, span: float, height: float) -> Cat
             "that is all but vertical: give a greater span",
             residual,
         )
-    found = Catenary(cable=cable, length=length, horizontal_force=H, lower_vertical_force=V0)
-    most = float(found.tension(np.array([0.0, length])).max())
-    if most > limit:
-        raise ValueError(
-            f"impossible geometry: a cable of {length:g} m hangs between its supports at {most:.4g} N, but "
-            f"{reason}; give a greater length"
-        )
-    return found
+    return Catenary(cable=cable, length=length, horizontal_force=H, lower_vertical_force=V0)
 
 
 def _strength(cable: Cable) -> tuple[float, str]:
@@ -218,7 +222,7 @@ def length_of_sag(cable: Cable, span: float, height: float, sag: float) -> float
 
     def excess(power: float) -> float:
         length = length_of_force(cable, span, height, flat * 2.0**power)
-        return sag - abs(hanging_span(cable, length, span, height).sag)
+        return sag - abs(_balanced(cable, length, span, height).sag)
 
     # The flat parabola's force and, where the cable hangs deep, more or less than that.
     flat = abs(cable.submerged_weight) * span * chord / (8.0 * sag)
@@ -256,7 +260,7 @@ def length_of_force(cable: Cable, span: float, height: float, horizontal_force: 
     shortest = chord / (1.0 + 1.01 * tension / EA)
 
     def excess(length: float) -> float:
-        return horizontal_force - hanging_span(cable, length, span, height).horizontal_force
+        return horizontal_force - _balanced(cable, length, span, height).horizontal_force
 
     return _root(excess, shortest, inextensible * (1.0 + 1e-9))
 
