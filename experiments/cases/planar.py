@@ -158,7 +158,9 @@ class PlanarOperation:
         quantities = [
             Quantity("final_length", float(record.length[-1]), "m", "unstretched length at the end"),
             Quantity("payload_depth_final", float(-record.payload_z[-1]), "m", "below the mean surface"),
-            Quantity("payload_offset_final", float(sway_middle[last_cycle]), "m", "middle of x in the last cycle"),
+            Quantity(
+                "payload_offset_final", float(sway_middle[last_cycle]), "m", "middle of x in the last cycle"
+            ),
             Quantity(
                 "payload_offset_max",
                 float(np.max(np.abs(record.payload_x[counted]))),
