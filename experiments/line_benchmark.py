@@ -17,14 +17,14 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from experiments.cases.lumped_mass import thesis_cable, thesis_payload
 from experiments.moordyn_line import COURANT, inner_step, moordyn_march
-from experiments.validation.lumped_mass import LENGTH, thesis_cable, thesis_payload
 from heave_env.cable.lumped_mass import LineState, LumpedMassSolver
 from heave_env.parameters import Cable, Current, Line
 
 Array = np.ndarray
 
-N_SEGMENTS, SECONDS, ROUNDS = 100, 40.0, 3
+LENGTH, N_SEGMENTS, SECONDS, ROUNDS = 300.0, 100, 40.0, 3
 STEPS = (0.1, 0.05, 0.025)
 """Time steps of ours that are measured [s]."""
 FINE = 0.0025

@@ -12,6 +12,7 @@ import numpy as np
 from scipy.special import ellipk, j0, jn_zeros
 
 from experiments import figures
+from experiments.cases.lumped_mass import loop_path, thesis_cable, thesis_payload
 from experiments.validation.checks import (
     Finding,
     Picture,
@@ -25,35 +26,12 @@ from experiments.validation.checks import (
 from heave_env.cable.axial import AxialRecord, AxialSolver
 from heave_env.cable.closed_form import payload_response
 from heave_env.cable.lumped_mass import LineRecord, LumpedMassSolver
-from heave_env.parameters import GRAVITY, SEAWATER_DENSITY, Cable, Current, Line, Payload
+from heave_env.parameters import GRAVITY, Cable, Current, Line, Payload
 
 Array = np.ndarray
 
 LENGTH = 300.0
 """Of the line of H 5.7 [m]."""
-
-
-def thesis_cable() -> Cable:
-    """The cable of H 5.7; its weight in water is that of its section."""
-    section = 0.25 * math.pi * 0.047**2
-    return Cable(
-        mass_per_length=5.4,
-        axial_stiffness=9e9 * section,
-        submerged_weight=(5.4 - SEAWATER_DENSITY * section) * GRAVITY,
-        diameter=0.047,
-        tangential_drag_coefficient=0.01,
-        normal_drag_coefficient=1.2,
-    )
-
-
-def thesis_payload() -> Payload:
-    """The subsea unit of H 5.7: 3000 + 3000 kg, 0.354 m³, C_d 1.5 on 0.5 m² in every direction."""
-    return Payload(
-        mass=3000.0,
-        added_mass=3000.0,
-        submerged_weight=(3000.0 - SEAWATER_DENSITY * 0.354) * GRAVITY,
-        drag_area=0.75,
-    )
 
 
 def thesis_line(n_segments: int = 20, *, in_air: bool = False, **options: Any) -> LumpedMassSolver:
@@ -472,15 +450,6 @@ def lumped_mass_thesis_current() -> Iterator[Finding]:
     yield relative("vertical amplitude, that without current [m]", heave, settled(calm, 2, 0.314)[0], 0.1)
     yield at_most("sway at 0.628 over that at 0.314 rad/s [-]", settled(faster, 0, 0.628)[0] / sway, 0.9)
     yield relative("mean offset at 0.628, that at 0.314 rad/s [m]", settled(faster, 0, 0.628)[1], mean, 0.05)
-
-
-def loop_path(time: Array, speed: float, approach: float = 800.0, radius: float = 150.0) -> Array:
-    """The towpoint of H 5.7.4: straight along x, once round a circle, straight on, (n_times, 3)."""
-    gone = speed * time
-    angle = np.clip((gone - approach) / radius, 0.0, 2.0 * math.pi)
-    beyond = np.maximum(gone - approach - 2.0 * math.pi * radius, 0.0)
-    x = np.minimum(gone, approach) + radius * np.sin(angle) + beyond
-    return np.stack([x, radius * (1.0 - np.cos(angle)), 0.0 * time], axis=1)
 
 
 @cache

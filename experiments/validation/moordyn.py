@@ -15,9 +15,9 @@ from typing import Any
 import numpy as np
 
 from experiments import figures
+from experiments.cases.lumped_mass import thesis_cable, thesis_payload
 from experiments.moordyn_line import MoorDynRecord, moordyn_march
 from experiments.validation.checks import Finding, Picture, absolute, relative, validation
-from experiments.validation.lumped_mass import thesis_cable, thesis_payload
 from heave_env.cable.lumped_mass import LineRecord, LumpedMassSolver
 from heave_env.parameters import Cable, Current, Line, Payload
 
