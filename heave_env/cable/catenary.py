@@ -123,7 +123,7 @@ def hanging_span(cable: Cable, length: float, span: float, height: float) -> Cat
         ConvergenceError: If no forces are found that bring the end to the upper support.
     """
     chord, EA = math.hypot(span, height), cable.axial_stiffness
-    if length > chord and cable.submerged_weight == 0.0:
+    if length >= chord and cable.submerged_weight == 0.0:
         raise ValueError(
             f"a weightless cable of {length:g} m has no shape of its own between supports {chord:g} m apart; "
             "give it a submerged_weight, or make it shorter than the distance"
@@ -253,9 +253,11 @@ def length_of_force(cable: Cable, span: float, height: float, horizontal_force: 
             f"horizontal_force must be at least {0.5 * abs(w) * span / DEEPEST:.4g} N for a cable of "
             f"{w:g} N/m over {span:g} m, got {horizontal_force!r}"
         )
+    if w == 0.0:
+        return chord / (1.0 + horizontal_force * chord / (span * EA))
     # Of the inextensible catenary, exactly; the elastic one is shorter, by what it stretches.
     half = 0.5 * abs(w) * span / horizontal_force
-    inextensible = math.hypot(height, span * (math.sinh(half) / half if half > 0.0 else 1.0))
+    inextensible = math.hypot(height, span * math.sinh(half) / half)
     tension = horizontal_force * inextensible / span + abs(w) * inextensible
     shortest = chord / (1.0 + 1.01 * tension / EA)
 

@@ -111,6 +111,15 @@ def test_lengths_that_cannot_be_found_are_refused():
         length_of_force(WIRE, 10.0, 0.0, 1e-3)
 
 
+def test_a_weightless_rope_is_a_straight_spring():
+    rope = replace(WIRE, submerged_weight=0.0, axial_stiffness=1e4)
+    length = length_of_force(rope, 3.0, 4.0, 300.0)
+    assert length == pytest.approx(5.0 / 1.05)
+    assert hanging_span(rope, length, 3.0, 4.0).horizontal_force == pytest.approx(300.0)
+    with pytest.raises(ValueError, match="a weightless cable of 5 m has no shape"):
+        hanging_span(rope, 5.0, 3.0, 4.0)
+
+
 def test_a_case_says_what_is_wrong_with_its_motion():
     with pytest.raises(ValueError, match="upper_amplitude must be three finite numbers"):
         replace(moustafa_span(), upper_amplitude=(0.1,))
