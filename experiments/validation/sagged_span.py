@@ -282,7 +282,7 @@ def sagged_span_orders() -> Iterator[Finding]:
 def sagged_span_slack_settles() -> Iterator[Finding]:
     """Moustafa's wire driven slack, 0.1 m at 1.2 Hz, where a smooth order is not to be had: the peak moves by
     less than 1.5 % from 50 to 100 elements, 0.5 % with steps of a quarter and 0.5 % with Kelvin damping of
-    0.1 or 5 ms in place of 1 ms. Without any damping it does not settle: the peak at fine steps is far higher.
+    0.1 or 5 ms in place of 1 ms. Without damping it does not settle: the peak at fine steps is far higher.
     """
     case = replace(moustafa_span(), upper_amplitude=(0.1, 0.0, 0.0), frequency=1.2)
     stiffness = case.cable.axial_stiffness
