@@ -616,6 +616,35 @@ def thesis_linear() -> Scenario:
     )
 
 
+@scenario("linear", "limits", "delay")
+def limits_linear() -> Scenario:
+    """The linear payload in a rough sea (Hs 6 m) that asks more of the winch than its 0.265 m/s and
+    0.25 m/s2 give, with 0.2 s of delay and noisy sensors on payload and boom tip.
+    """
+    payload, boom_tip = {"noise_std": 0.01}, {"noise_std": 0.03}
+    return Scenario(
+        name="unnamed",
+        start="compensated",
+        sea_state=dataclasses.replace(_thesis_sea(), significant_wave_height=6.0),
+        vessel=_thesis_vessel(),
+        winch=Winch(
+            time_constant=1.0,
+            command_range=4.0,
+            command_delay=0.2,
+            speed_limit=0.265,
+            acceleration_limit=0.25,
+        ),
+        linear_payload=LinearPayload(inertia=0.8959, damping=0.1658),
+        sensors=(
+            Sensor(channel="payload_heave", **payload),
+            Sensor(channel="payload_heave_rate", **payload),
+            Sensor(channel="boom_tip_heave", **boom_tip),
+            Sensor(channel="boom_tip_heave_rate", **boom_tip),
+        ),
+        task=Task(position_weight=100.0, command_weight=0.1),
+    )
+
+
 @scenario("thesis", "linear")
 def thesis_regulator() -> Scenario:
     """The thesis's regulator (H 6.2.4-6.2.6): the linear payload with the printed a and b under an

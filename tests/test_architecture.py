@@ -21,6 +21,8 @@ HOMES = {  # the first room in which a package may be imported
     "matplotlib": "experiments",
     "jinja2": "experiments",
     "moordyn": "experiments",
+    "daqp": "baselines",
+    "clarabel": "baselines",
 }
 LAYERS = (  # inside heave_env, from the bottom; a module imports none above its own layer
     ("parameters", "document", "compiled", "layout", "lanes", "streams", "files", "provenance"),
