@@ -99,10 +99,10 @@ def test_wrong_values_are_refused_in_a_sentence(path, value, complaint):
 
 def test_unknown_and_missing_keys_are_named():
     mapping = to_mapping(load("sea_state_5"))
-    mapping["winch"]["power"] = 3.0
-    with pytest.raises(ValueError, match=r"unknown key 'winch\.power'; known keys: time_constant"):
+    mapping["winch"]["gearbox"] = 3.0
+    with pytest.raises(ValueError, match=r"unknown key 'winch\.gearbox'; known keys: time_constant"):
         from_mapping(mapping)
-    del mapping["winch"]["power"], mapping["cable"]["diameter"]
+    del mapping["winch"]["gearbox"], mapping["cable"]["diameter"]
     with pytest.raises(ValueError, match=r"missing key 'cable\.diameter'"):
         from_mapping(mapping)
 

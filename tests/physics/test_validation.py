@@ -18,7 +18,11 @@ def test_every_check_passes(case):
     if case.needs is not None and importlib.util.find_spec(case.needs) is None:
         pytest.skip(f"needs {case.needs}")
     checks = [finding for finding in case.findings() if isinstance(finding, Check)]
-    lost = [f"{check.quantity}: {check.ours:.8g}, not {check.reference:.8g}" for check in checks if not check.passed]
+    lost = [
+        f"{check.quantity}: {check.ours:.8g}, not {check.reference:.8g}"
+        for check in checks
+        if not check.passed
+    ]
     assert checks
     assert lost == []
 
