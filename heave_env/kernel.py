@@ -145,8 +145,11 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     ROW_SENSOR_TABLE,
     ROW_DRAWS,
     SHOWS_DRAWS,
+    SENSORS_ERR,
+    ROW_SENSOR_STATE,
+    AT_SENSOR_ERRORS,
     N_CONFIGURATION,
-) = range(41)
+) = range(44)
 # Behind these follow, sensor by sensor, channel row and delay, and then the history lags.
 
 # Whole-number state of a row.
@@ -160,6 +163,8 @@ _ZERO = np.uint64(0)
 _ONE = np.uint64(1)
 _SEA, _SENSORS, _INITIAL = np.uint64(SEA), np.uint64(SENSORS), np.uint64(INITIAL)
 _NOISE = SCRATCH + 6  # four rows
+# Indices of draws, beyond those of a step's noise and of a sea's beginning.
+_DROPOUT, _ERRORS = 4096, 1 << 20
 
 
 # The sea -----------------------------------------------------------------------------------------
@@ -424,6 +429,57 @@ def _late_commands(S, cfg, position, substep, n_substeps, commands, n_lanes):
 
 
 @stage
+def _distorted(S, cfg, tables, s, lane, truth):
+    """What a sensor makes of a true value before noise: high-pass, scale error, bias.
+
+    The high-pass is the trapezoidal state-variable form, which keeps its accuracy when its corner is slow.
+    """
+    real = S.dtype.type
+    two = real(2.0)
+    at, own = cfg[AT_SENSOR_ERRORS] + 6 * s, cfg[ROW_SENSOR_STATE] + 5 * s
+    g = real(tables[at + 4])
+    if g > real(0.0):
+        damping = real(tables[at + 5])
+        first, second = S[own + 3, lane], S[own + 4, lane]
+        high = (truth - (two * damping + g) * first - second) / (real(1.0) + g * (two * damping + g))
+        band = g * high + first
+        S[own + 3, lane] = g * high + band
+        S[own + 4, lane] = two * g * band + second
+        truth = high
+    return truth * (real(1.0) + S[own, lane]) + S[own + 1, lane]
+
+
+@stage
+def _held(S, I, cfg, tables, s, lane, value):
+    """The reading that stands: the new one, or the last where none is due or it was lost."""
+    at, own = cfg[AT_SENSOR_ERRORS] + 6 * s, cfg[ROW_SENSOR_STATE] + 5 * s
+    step = np.int64(I[STEP, lane])
+    every, dropout = np.int64(tables[at + 2]), tables[at + 3]
+    lost = step % every != 0
+    if dropout > 0.0 and not lost and step > 0:
+        word, _, _, _ = philox(
+            I[SEED, lane], I[EPISODE, lane], _SENSORS, I[STEP, lane], np.uint64(_DROPOUT + s)
+        )
+        lost = uniform(word) < dropout
+    if not lost:
+        S[own + 2, lane] = value
+    return S[own + 2, lane]
+
+
+@stage
+def _begin_sensors(S, I, cfg, tables, lane):
+    """Draws one lane's scale errors and biases and empties its heave filters."""
+    real = S.dtype.type
+    for s in range(cfg[N_SENSORS]):
+        at, own = cfg[AT_SENSOR_ERRORS] + 6 * s, cfg[ROW_SENSOR_STATE] + 5 * s
+        a, b, _, _ = philox(I[SEED, lane], I[EPISODE, lane], _INITIAL, _ZERO, np.uint64(_ERRORS + s))
+        z0, z1 = normal_pair(a, b)
+        S[own, lane] = real(tables[at] * z0)
+        S[own + 1, lane] = real(tables[at + 1] * z1)
+        S[own + 3, lane] = S[own + 4, lane] = real(0.0)
+
+
+@stage
 def _measure(S, I, cfg, tables, position, first_lane, last_lane):
     """Writes this instant's samples, noisy, scaled and clipped, into their place in the sensor ring."""
     real = S.dtype.type
@@ -440,9 +496,15 @@ def _measure(S, I, cfg, tables, position, first_lane, last_lane):
             for lane in range(first_lane, last_lane):
                 if cfg[SENSORS_VARY] == 1:
                     noise, offset, per_scale = S[own, lane], S[own + 1, lane], S[own + 2, lane]
-                value = (S[channel, lane] + noise * S[_NOISE + s - 4 * quad, lane] - offset) * per_scale
+                truth = S[channel, lane]
+                if cfg[SENSORS_ERR] == 1:
+                    truth = _distorted(S, cfg, tables, s, lane, truth)
+                value = (truth + noise * S[_NOISE + s - 4 * quad, lane] - offset) * per_scale
                 value = value if value > -bound else -bound
-                S[place + s, lane] = value if value < bound else bound
+                value = value if value < bound else bound
+                if cfg[SENSORS_ERR] == 1:
+                    value = _held(S, I, cfg, tables, s, lane, value)
+                S[place + s, lane] = value
 
 
 @stage
@@ -679,6 +741,8 @@ def _make(n_lanes: int, fingerprint: int):
                 S[TENSION_MAX, lane] = S[SHEAVE_TENSION, lane]
             for i in range(cfg[N_PENDING] + 1):
                 S[cfg[ROW_COMMANDS] + i, lane] = command
+            if cfg[SENSORS_ERR] == 1:
+                _begin_sensors(S, I, cfg, tables, lane)
             # Before the episode the sensors are taken to have read what they read now.
             _measure(S, I, cfg, tables, position, lane, lane + 1)
             n = cfg[N_SENSORS]

@@ -20,7 +20,7 @@ from heave_env.cable.axial import fill_parameters, node_rows
 from heave_env.parameters import LinearPayload, Winch
 from heave_env.scenarios import Scenario
 from heave_env.sea import read_motion, square_root
-from heave_env.sensors import CHANNELS
+from heave_env.sensors import CHANNELS, HIGH_PASS_DAMPING, Sensor
 from heave_env.streams import PARAMETERS, uniform_number
 from heave_env.vessel import boom_tip_components, boom_tip_filter
 
@@ -114,6 +114,13 @@ def sensor_table(scenario: Scenario, nominal: Scenario) -> Array:
             if known.scale is not None
         ]
     )
+
+
+def sensor_errors(sensor: Sensor, control_dt: float) -> tuple[float, ...]:
+    """Scale error, bias, control steps between readings, drop-out, and the heave filter's two numbers."""
+    every = 1 if sensor.interval is None else round(sensor.interval / control_dt)
+    corner = 0.0 if sensor.high_pass_omega is None else math.tan(0.5 * sensor.high_pass_omega * control_dt)
+    return (sensor.scale_error, sensor.bias, every, sensor.dropout, corner, HIGH_PASS_DAMPING)
 
 
 class Plant:
@@ -211,6 +218,7 @@ class Plant:
         )
         cfg[k.SENSORS_VARY] = "sensors" in scenario.varies
         cfg[k.DELAY_VARIES] = any(draw.parameter == "winch.command_delay" for draw in scenario.uncertainty)
+        cfg[k.SENSORS_ERR] = not all(sensor.is_plain for sensor in sensors)
         cfg[k.N_DRAWS] = len(scenario.uncertainty)
         cfg[k.SHOWS_DRAWS] = scenario.information_set == "full_state"
         cfg[k.N_SENSORS] = len(sensors)
@@ -229,6 +237,7 @@ class Plant:
             (k.ROW_SEA, len(sea_table(scenario)) if cfg[k.SEA_VARIES] else 0),
             (k.ROW_SENSOR_TABLE, 3 * len(sensors) if cfg[k.SENSORS_VARY] else 0),
             (k.ROW_DRAWS, len(scenario.uncertainty)),
+            (k.ROW_SENSOR_STATE, 5 * len(sensors) if cfg[k.SENSORS_ERR] else 0),
             (k.ROW_NODES, 0 if scenario.is_linear else rows.N_NODE_FIELDS * (scenario.n_elements + 1)),
         ):
             cfg[key] = row
@@ -243,6 +252,7 @@ class Plant:
         if n_filter or kind == k.SINUSOIDS:
             place(k.AT_FILTER if n_filter else k.AT_COMPONENTS, sea_table(scenario))
         place(k.AT_SENSORS, sensor_table(scenario, scenario))
+        place(k.AT_SENSOR_ERRORS, [sensor_errors(sensor, scenario.control_dt) for sensor in sensors])
         if kind == k.RECORDED:
             place(k.AT_RECORDING, self._recording())
         readings = [

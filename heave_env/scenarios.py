@@ -57,7 +57,18 @@ DRAWN_PARTS = (
     "sensors",
 )
 """Parts of a scenario whose numbers may be uncertain."""
-NOT_DRAWN = ("n_components", "command_range", "delay", "scale", "offset")
+NOT_DRAWN = (
+    "n_components",
+    "command_range",
+    "delay",
+    "scale",
+    "offset",
+    "scale_error",
+    "bias",
+    "interval",
+    "dropout",
+    "high_pass_omega",
+)
 """Numbers of theirs that may not: they say how much there is, or what actions and observations mean."""
 DEFAULT_HISTORY_LAGS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
 """Control steps back whose measurements `sensors_history` holds."""
@@ -224,6 +235,11 @@ class Scenario:
                 raise ValueError(
                     f"Sensor.delay must be a whole number of control steps of {self.control_dt:g} s, "
                     f"got {sensor.delay!r}"
+                )
+            if sensor.interval is not None and whole_number_of(sensor.interval, self.control_dt) is None:
+                raise ValueError(
+                    f"Sensor.interval must be a whole number of control steps of {self.control_dt:g} s, "
+                    f"got {sensor.interval!r}"
                 )
             if self.cable is None and sensor.channel in ("sheave_tension", "length"):
                 raise ValueError(
@@ -479,6 +495,11 @@ class Scenario:
             for key in added if place is not None else ():
                 if place[key] == defaults[key] or place[key] == []:
                     place.pop(key)
+        plain = {item.name: item.default for item in dataclasses.fields(Sensor)}
+        for sensor in content["sensors"]:
+            for key in ("scale_error", "bias", "interval", "dropout", "high_pass_omega"):
+                if sensor[key] == plain[key]:
+                    sensor.pop(key)
         canonical = json.dumps(content, sort_keys=True)
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 

@@ -149,3 +149,21 @@ def test_every_field_has_a_docstring(kind):
         not in ("sea_state", "vessel", "winch", "cable", "payload", "linear_payload", "pay_out", "task")
     ]
     assert undocumented == []
+
+
+@pytest.mark.parametrize(
+    ("name", "fingerprint"),
+    [
+        ("thesis_linear", "b16cd15eddd9ed58"),
+        ("thesis_regulator", "88ccce944604310d"),
+        ("thesis_regulator_delay", "05f50f1c3cddd43d"),
+        ("thesis_cable", "a5a16c8c750298e8"),
+        ("sea_state_5", "d60d9ec320de5583"),
+        ("lowering", "0459e1dd2a81efbe"),
+        ("snap", "b00fc761239b608a"),
+        ("deep_resonance", "82a208320ded7218"),
+    ],
+)
+def test_fingerprints_of_version_0_stand(name, fingerprint):
+    # Policies are bound to them: a key that a scenario gains later says nothing while it is off.
+    assert load(name).fingerprint == fingerprint
