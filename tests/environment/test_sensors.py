@@ -97,10 +97,11 @@ def test_presets_stand_in_a_scenario():
     seen, truth = readings(seeing(*sensors), 16, 1200)
     late = slice(700, None)
     errors = seen[late, :, 0] - truth["boom_tip_heave"][late]
-    # Noise and scale are small beside the phase of the heave filter, 2 · 0.7 · 0.105/0.5 = 0.3 rad in the swell.
+    # Noise and scale are small beside the phase of the heave filter, 2 · 0.7 · 0.105/0.5 = 0.3 rad.
     assert 0.2 < errors.std() / truth["boom_tip_heave"][late].std() < 0.4
     tension = seen[late, :, -1] - truth["sheave_tension"][late]
-    assert math.sqrt(np.mean(tension**2)) == pytest.approx(500.0, rel=0.5)
+    # Noise of 500 N and 0.5 % of 98.6 kN; sixteen scale errors are good to 18 %.
+    assert math.sqrt(np.mean(tension**2)) == pytest.approx(math.hypot(500.0, 493.0), rel=0.4)
 
 
 @pytest.mark.parametrize(
