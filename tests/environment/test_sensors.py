@@ -14,9 +14,12 @@ from heave_env.sensors import Sensor, acoustic_depth, load_cell, motion_referenc
 
 
 def seeing(*sensors: Sensor, **sea) -> Scenario:
-    """The 900 m cable, seen by the given sensors alone, their scales one."""
+    """The 900 m cable, seen by the given sensors alone, their scales one (of a tension 1 MN)."""
     scenario = load("sea_state_5")
-    chosen = tuple(dataclasses.replace(sensor, scale=1.0) for sensor in sensors)
+    chosen = tuple(
+        dataclasses.replace(sensor, scale=1e6 if sensor.channel == "sheave_tension" else 1.0)
+        for sensor in sensors
+    )
     return dataclasses.replace(
         scenario, sensors=chosen, sea_state=dataclasses.replace(scenario.sea_state, **sea)
     )
@@ -99,7 +102,7 @@ def test_presets_stand_in_a_scenario():
     errors = seen[late, :, 0] - truth["boom_tip_heave"][late]
     # Noise and scale are small beside the phase of the heave filter, 2 · 0.7 · 0.105/0.5 = 0.3 rad.
     assert 0.2 < errors.std() / truth["boom_tip_heave"][late].std() < 0.4
-    tension = seen[late, :, -1] - truth["sheave_tension"][late]
+    tension = 1e6 * seen[late, :, -1] - truth["sheave_tension"][late]
     # Noise of 500 N and 0.5 % of 98.6 kN; sixteen scale errors are good to 18 %.
     assert math.sqrt(np.mean(tension**2)) == pytest.approx(math.hypot(500.0, 493.0), rel=0.4)
 
