@@ -15,11 +15,20 @@ import math
 import numpy as np
 from numba import njit
 
-from heave_env.cable.axial import cable_step, cable_tensions, hang_still
+from heave_env.cable.axial import (
+    cable_move,
+    cable_solve,
+    cable_step,
+    cable_tensions,
+    hang_still,
+    solved_sheave_tension,
+)
+from heave_env.compensator import rod_gap, stopped_rod
 from heave_env.compiled import source_fingerprint, stage
 from heave_env.lanes import block_of_lanes
 from heave_env.layout import (
     ACTING_COMMAND,
+    BOOM_TIP_BELOW,
     BOOM_TIP_HEAVE,
     BOOM_TIP_HEAVE_RATE,
     BREAKING_STRENGTH,
@@ -29,10 +38,21 @@ from heave_env.layout import (
     COMMAND_COST,
     COMMAND_RANGE,
     COMMAND_WEIGHT,
+    COMPENSATOR_DAMPING,
+    COMPENSATOR_DISPLACEMENT,
+    COMPENSATOR_MASS,
+    COMPENSATOR_OLD,
+    COMPENSATOR_RATE,
     DISPLACEMENT,
     DIVERGENCE_LIMIT,
+    ELEMENT_STIFFNESS,
     FAILURE_COST,
     FAILURE_RATE,
+    FIRST_GAP,
+    FIRST_TRIAL,
+    GAS_FORCE,
+    GAS_LENGTH,
+    HALF_STROKE,
     INITIAL_LENGTH,
     LANDING_DEPTH,
     LENGTH,
@@ -148,8 +168,9 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     SENSORS_ERR,
     ROW_SENSOR_STATE,
     AT_SENSOR_ERRORS,
+    HAS_COMPENSATOR,
     N_CONFIGURATION,
-) = range(44)
+) = range(45)
 # Behind these follow, sensor by sensor, channel row and delay, and then the history lags.
 
 # Whole-number state of a row.
@@ -360,6 +381,63 @@ def _pay_out_over_substep(S, I, cfg, tables, substep, control_dt, n_lanes):
 
 
 @stage
+def _rod_trial(S, cfg, at, dt, n_lanes):
+    """Solves the cable with the sheave where the rods' trial ends put it, positive down."""
+    for lane in range(n_lanes):
+        S[SHEAVE_NEW, lane] = S[BOOM_TIP_BELOW, lane] - S[COMPENSATOR_DISPLACEMENT, lane]
+    cable_solve(S, at, cfg[N_ELEMENTS], cfg[N_ITERATIONS], n_lanes, dt, cfg[TENSION_ONLY] == 1)
+
+
+@stage
+def _solve_with_rod(S, cfg, at, dt, n_lanes):
+    """Cable and passive compensator over a solver step, solved together by the secant method.
+
+    The cable's tension is all but linear in where the rod ends, so that three solves of the cable do: two
+    to find the secant, one at its root; a cable that may be slack gets two more. On return the sheave's
+    rows hold the rod's motion too.
+    """
+    real = S.dtype.type
+    zero, two = real(0.0), real(2.0)
+    n, tension_only = cfg[N_ELEMENTS], cfg[TENSION_ONLY] == 1
+    step = real(dt)
+    for lane in range(n_lanes):
+        old = S[COMPENSATOR_DISPLACEMENT, lane]
+        S[COMPENSATOR_OLD, lane] = old
+        S[BOOM_TIP_BELOW, lane] = S[SHEAVE_NEW, lane]
+        S[SHEAVE_OLD, lane] -= old
+        S[COMPENSATOR_DISPLACEMENT, lane] = old + step * S[COMPENSATOR_RATE, lane]
+    _rod_trial(S, cfg, at, dt, n_lanes)
+    for lane in range(n_lanes):
+        rod = S[COMPENSATOR_DISPLACEMENT, lane]
+        gap = rod_gap(S, lane, rod, solved_sheave_tension(S, at, n, lane, tension_only), dt)
+        S[FIRST_TRIAL, lane], S[FIRST_GAP, lane] = rod, gap
+        # A first slope that errs to the stiff side: rod, gas and the cable's uppermost element.
+        stiff = S[COMPENSATOR_DAMPING, lane] / step + two * S[COMPENSATOR_MASS, lane] / (step * step)
+        stiff += S[GAS_FORCE, lane] / S[GAS_LENGTH, lane] + S[at[0] + ELEMENT_STIFFNESS, lane]
+        S[COMPENSATOR_DISPLACEMENT, lane] = rod - gap / max(stiff, real(1.0))
+    for trial in range(4 if tension_only else 2):
+        _rod_trial(S, cfg, at, dt, n_lanes)
+        for lane in range(n_lanes):
+            rod = S[COMPENSATOR_DISPLACEMENT, lane]
+            gap = rod_gap(S, lane, rod, solved_sheave_tension(S, at, n, lane, tension_only), dt)
+            moved, lessened = rod - S[FIRST_TRIAL, lane], gap - S[FIRST_GAP, lane]
+            S[FIRST_TRIAL, lane], S[FIRST_GAP, lane] = rod, gap
+            better = rod - gap * moved / lessened if lessened != zero else rod
+            if trial + 1 < (4 if tension_only else 2):
+                S[COMPENSATOR_DISPLACEMENT, lane] = better
+            else:
+                S[COMPENSATOR_DISPLACEMENT, lane] = stopped_rod(S, lane, better)
+    _rod_trial(S, cfg, at, dt, n_lanes)
+    for lane in range(n_lanes):
+        rod, old = S[COMPENSATOR_DISPLACEMENT, lane], S[COMPENSATOR_OLD, lane]
+        at_stop = abs(rod) >= S[HALF_STROKE, lane]
+        rate = two * (rod - old) / step - S[COMPENSATOR_RATE, lane]
+        # Without mass the midpoint's rates would ring about the mean, which means nothing then.
+        rate = rate if S[COMPENSATOR_MASS, lane] > zero else (rod - old) / step
+        S[COMPENSATOR_RATE, lane] = zero if at_stop else rate
+
+
+@stage
 def _cable_substep(S, cfg, dt, n_lanes):
     """The finite-difference cable over a solver step, with the winch's work on it."""
     real = S.dtype.type
@@ -374,7 +452,11 @@ def _cable_substep(S, cfg, dt, n_lanes):
         # The cable's own signs are positive down.
         S[SHEAVE_OLD, lane] = -S[SHEAVE_OLD, lane]
         S[SHEAVE_NEW, lane] = -S[SHEAVE_NEW, lane]
-    cable_step(S, at, n, cfg[N_ITERATIONS], n_lanes, dt, tension_only)
+    if cfg[HAS_COMPENSATOR] == 1:
+        _solve_with_rod(S, cfg, at, dt, n_lanes)
+        cable_move(S, at, n, n_lanes)
+    else:
+        cable_step(S, at, n, cfg[N_ITERATIONS], n_lanes, dt, tension_only)
     cable_tensions(S, at, n, n_lanes, tension_only)
     for lane in range(n_lanes):
         hauled = S[WINCH_DISPLACEMENT, lane] - S[WINCH_OLD, lane]
@@ -382,6 +464,8 @@ def _cable_substep(S, cfg, dt, n_lanes):
         share = S[SUPPLY_PER_WORK, lane] if work > real(0.0) else S[RETURNED_SHARE, lane]
         S[STEP_WORK, lane] += work
         S[STEP_SUPPLY, lane] += work * share
+        if cfg[HAS_COMPENSATOR] == 1:
+            S[SHEAVE_NEW, lane] = S[BOOM_TIP_BELOW, lane]
         S[SHEAVE_OLD, lane] = -S[SHEAVE_OLD, lane]
         S[SHEAVE_NEW, lane] = -S[SHEAVE_NEW, lane]
 

@@ -359,6 +359,50 @@ class Winch:
 
 
 @dataclass(frozen=True, kw_only=True)
+class Compensator:
+    """Passive compensator between boom tip and sheave: a gas spring and a damper in series with the cable."""
+
+    gas_volume: float
+    """Volume of the gas at mid-stroke, accumulators included [m³]."""
+    piston_area: float
+    """Area of the piston [m²]; volume over area is the length of the gas column."""
+    stroke: float
+    """From stop to stop [m]."""
+    damping: float = 0.0
+    """Force per speed of the rod [N·s/m]."""
+    moving_mass: float = 0.0
+    """Mass of rod and sheave [kg]; its weight is carried by the gas."""
+    polytropic_exponent: float = 1.3
+    """κ of p V^κ = constant [-]: 1 for slow, 1.4 for fast changes of nitrogen."""
+    force: float | None = None
+    """Force at mid-stroke [N]; null: the static tension at the sheave, which holds the rod there."""
+
+    def __post_init__(self) -> None:
+        for field in ("gas_volume", "piston_area", "stroke", "polytropic_exponent"):
+            require_number(self, field, positive=True)
+        require_number(self, "damping", non_negative=True)
+        require_number(self, "moving_mass", non_negative=True)
+        require_number(self, "force", positive=True, optional=True)
+        shortest = f"below twice the gas column of {self.gas_length:g} m (gas_volume over piston_area)"
+        require(self.stroke < 2.0 * self.gas_length, self, "stroke", shortest)
+
+    @property
+    def gas_length(self) -> float:
+        """Length of the gas column at mid-stroke, volume over area [m]."""
+        return self.gas_volume / self.piston_area
+
+    @property
+    def pressure_ratio(self) -> float:
+        """Greatest over least gas pressure within the stroke [-]."""
+        half = 0.5 * self.stroke / self.gas_length
+        return ((1.0 + half) / (1.0 - half)) ** self.polytropic_exponent
+
+    def stiffness(self, force: float) -> float:
+        """Slope of the gas spring at mid-stroke, κ F / g [N/m]."""
+        return self.polytropic_exponent * force / self.gas_length
+
+
+@dataclass(frozen=True, kw_only=True)
 class Cable:
     """Hoisting cable, uniform along its length; lengths are unstretched."""
 

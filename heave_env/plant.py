@@ -20,7 +20,7 @@ from heave_env.cable.axial import fill_parameters, node_rows
 from heave_env.parameters import LinearPayload, Winch
 from heave_env.scenarios import Scenario
 from heave_env.sea import read_motion, square_root
-from heave_env.sensors import CHANNELS, HIGH_PASS_DAMPING, Sensor
+from heave_env.sensors import COMPENSATOR_CHANNELS, HIGH_PASS_DAMPING, Sensor
 from heave_env.streams import PARAMETERS, uniform_number
 from heave_env.vessel import boom_tip_components, boom_tip_filter
 
@@ -218,6 +218,7 @@ class Plant:
         )
         cfg[k.SENSORS_VARY] = "sensors" in scenario.varies
         cfg[k.DELAY_VARIES] = any(draw.parameter == "winch.command_delay" for draw in scenario.uncertainty)
+        cfg[k.HAS_COMPENSATOR] = scenario.compensator is not None
         cfg[k.SENSORS_ERR] = not all(sensor.is_plain for sensor in sensors)
         cfg[k.N_DRAWS] = len(scenario.uncertainty)
         cfg[k.SHOWS_DRAWS] = scenario.information_set == "full_state"
@@ -256,7 +257,7 @@ class Plant:
         if kind == k.RECORDED:
             place(k.AT_RECORDING, self._recording())
         readings = [
-            (list(CHANNELS).index(sensor.channel), age) for sensor, age in zip(sensors, ages, strict=True)
+            (rows.CHANNEL_NAMES.index(sensor.channel), age) for sensor, age in zip(sensors, ages, strict=True)
         ]
         cfg[k.AT_NODE_ROWS] = len(cfg) + 2 * len(readings) + len(lags)
         parts = (cfg, np.ravel(readings), lags, node_rows(int(cfg[k.ROW_NODES]), scenario.n_elements))
@@ -335,6 +336,14 @@ class Plant:
         else:
             assert scenario.cable is not None and scenario.payload is not None
             S[:, rows.INITIAL_LENGTH] = scenario.initial_length
+            if scenario.compensator is not None:
+                rod = scenario.compensator
+                S[:, rows.GAS_FORCE] = scenario.static_tension if rod.force is None else rod.force
+                S[:, rows.GAS_LENGTH] = rod.gas_length
+                S[:, rows.GAS_EXPONENT] = rod.polytropic_exponent
+                S[:, rows.COMPENSATOR_DAMPING] = rod.damping
+                S[:, rows.COMPENSATOR_MASS] = rod.moving_mass
+                S[:, rows.HALF_STROKE] = 0.5 * rod.stroke
             fill_parameters(S, scenario.cable, scenario.payload)
 
     def begin(self, mask: Array, seeds: Array | None = None) -> None:
@@ -493,4 +502,7 @@ _CABLE_CHANNELS = (
 
 def channel_names(scenario: Scenario) -> list[str]:
     """Physical channels that the scenario's plant has."""
-    return [name for name in rows.CHANNEL_NAMES if not (scenario.is_linear and name in _CABLE_CHANNELS)]
+    lacking = set(_CABLE_CHANNELS if scenario.is_linear else ())
+    if scenario.compensator is None:
+        lacking |= set(COMPENSATOR_CHANNELS)
+    return [name for name in rows.CHANNEL_NAMES if name not in lacking]

@@ -24,6 +24,7 @@ import numpy as np
 from heave_env import document
 from heave_env.parameters import (
     Cable,
+    Compensator,
     Draw,
     LinearPayload,
     Payload,
@@ -39,7 +40,13 @@ from heave_env.parameters import (
     require_number,
 )
 from heave_env.rao import table_path
-from heave_env.sensors import CHANNELS, INFORMATION_SETS, Sensor
+from heave_env.sensors import (
+    CABLE_CHANNELS,
+    CHANNELS,
+    COMPENSATOR_CHANNELS,
+    INFORMATION_SETS,
+    Sensor,
+)
 from heave_env.spectra import modal_omega
 from heave_env.task import Task
 from heave_env.vessel import boom_tip_lines, boom_tip_size
@@ -49,6 +56,7 @@ DRAWN_PARTS = (
     "sea_state",
     "vessel",
     "winch",
+    "compensator",
     "cable",
     "payload",
     "linear_payload",
@@ -113,6 +121,7 @@ class Scenario:
     """The vessel by a table of responses, in place of `vessel`: what heave, roll and pitch make of the boom
     tip; null for none."""
     winch: Winch
+    compensator: Compensator | None = None
     cable: Cable | None = None
     payload: Payload | None = None
     linear_payload: LinearPayload | None = None
@@ -172,6 +181,12 @@ class Scenario:
             require(self.pay_out.speed == 0.0, self, "pay_out", "at rest with a linear_payload")
             require(self.task.landing_depth is None, self.task, "landing_depth", "null with a linear_payload")
             require(self.task.tension_limit is None, self.task, "tension_limit", "null with a linear_payload")
+            require(
+                self.compensator is None,
+                self,
+                "compensator",
+                "null with a linear_payload, which has no tension",
+            )
             for limit in ("power_limit", "torque_limit"):
                 without = "null with a linear_payload, which has no tension"
                 require(getattr(self.winch, limit) is None, self.winch, limit, without)
@@ -241,7 +256,12 @@ class Scenario:
                     f"Sensor.interval must be a whole number of control steps of {self.control_dt:g} s, "
                     f"got {sensor.interval!r}"
                 )
-            if self.cable is None and sensor.channel in ("sheave_tension", "length"):
+            if self.compensator is None and sensor.channel in COMPENSATOR_CHANNELS:
+                raise ValueError(
+                    f"Sensor.channel {sensor.channel!r} contradicts compensator, which is null: give one, or "
+                    "leave the sensor out"
+                )
+            if self.cable is None and sensor.channel in CABLE_CHANNELS:
                 raise ValueError(
                     f"Sensor.channel {sensor.channel!r} contradicts linear_payload: that plant has no cable"
                 )
@@ -272,6 +292,8 @@ class Scenario:
                     f"Scenario.uncertainty cannot draw {path!r}, since sea_state.kind is recorded: the "
                     "recording is what it is"
                 )
+            if part == "compensator" and self.compensator is None:
+                raise ValueError(f"Scenario.uncertainty cannot draw {path!r}, since compensator is null")
             if part == "vessel" and self.vessel is None:
                 raise ValueError(f"Scenario.uncertainty cannot draw {path!r}, since vessel is null")
             if part == "sensors" and self.information_set == "full_state":
@@ -409,6 +431,9 @@ class Scenario:
                 return sensor.scale, sensor.offset
         if channel == "sheave_tension":
             return 0.1 * self.static_tension, self.static_tension
+        if channel in COMPENSATOR_CHANNELS and self.compensator is not None:
+            rate = modal_omega(self.sea_state) if channel.endswith("rate") else 1.0
+            return 0.5 * self.compensator.stroke * rate, 0.0
         if channel == "length":
             return max(self.initial_length, 1.0), self.initial_length
         rate = modal_omega(self.sea_state) if channel.endswith("rate") else 1.0
@@ -429,7 +454,8 @@ class Scenario:
             channels = [
                 channel
                 for channel in CHANNELS
-                if not (self.is_linear and channel in ("sheave_tension", "length"))
+                if not (self.is_linear and channel in CABLE_CHANNELS)
+                and not (channel in COMPENSATOR_CHANNELS and self.compensator is None)
                 and not (channel == "length" and self.pay_out.speed == 0.0)
             ]
             bare = [Sensor(channel=channel) for channel in channels]
@@ -515,7 +541,7 @@ _ACROSS = {
 }
 """What only motion across the cable asks for, which this plant does not have."""
 _LATER: dict[str, tuple[type, tuple[str, ...]]] = {
-    "": (Scenario, ("uncertainty",)),
+    "": (Scenario, ("uncertainty", "compensator")),
     "sea_state": (
         SeaState,
         (

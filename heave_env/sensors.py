@@ -24,8 +24,14 @@ CHANNELS: dict[str, str] = {
     "winch_rate": "m/s",
     "sheave_tension": "N",
     "length": "m",
+    "compensator_displacement": "m",
+    "compensator_rate": "m/s",
 }
 """Channels that a sensor can read, with their units."""
+CABLE_CHANNELS = ("sheave_tension", "length", "compensator_displacement", "compensator_rate")
+"""Those that only a plant with a cable has."""
+COMPENSATOR_CHANNELS = ("compensator_displacement", "compensator_rate")
+"""Those that only a plant with a passive compensator has."""
 
 INFORMATION_SETS = ("full_state", "sensors", "sensors_history")
 
