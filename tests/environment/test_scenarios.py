@@ -146,7 +146,7 @@ def test_every_field_has_a_docstring(kind):
         for item in dataclasses.fields(kind)
         if item.name not in documented
         and item.name
-        not in ("sea_state", "vessel", "winch", "cable", "payload", "linear_payload", "pay_out", "task")
+        not in ("sea_state", "vessel", "winch", "compensator", "cable", "payload", "linear_payload", "pay_out", "task")
     ]
     assert undocumented == []
 
