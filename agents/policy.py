@@ -184,7 +184,8 @@ class TrainedPolicy:
             there_scale, here_scale = float(there.scale or 1.0), float(here.scale or 1.0)
             gain.append(there_scale / here_scale)
             shift.append((there.offset - here.offset) / here_scale)
-        n_lags, n_filter, n_pending = len(own.observed_lags), own.observed_filter_states, own.n_pending
+        n_lags, n_pending = len(own.observed_lags), own.n_shown_pending
+        n_filter = own.observed_filter_states + len(own.observed_draws)
         adapted._gain = np.array(gain * n_lags + [1.0] * n_filter + [ratio] * n_pending, dtype=np.float32)
         adapted._shift = np.array(shift * n_lags + [0.0] * (n_filter + n_pending), dtype=np.float32)
         adapted._action_gain = np.float32(1.0 / ratio)

@@ -21,6 +21,7 @@ _STAGE_FILES = (
     "cable/axial.py",
     "cable/statics.py",
     "winch.py",
+    "compensator.py",
     "kernel.py",
 )
 

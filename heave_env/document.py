@@ -123,7 +123,7 @@ def _check_type(hint: Any, value: Any, path: str) -> None:
 def with_value(parameters: Any, path: str, value: Any) -> Any:
     """A copy with the value at a dotted path replaced, such as `winch.time_constant`.
 
-    An entry of a list is reached by its first value if that is a word, else by its number from 0:
+    An entry of a list is reached by its number from 0, or by its first value if that is a word:
     `sensors.payload_heave.noise_std`, `line.sections.0.length`.
 
     Raises:
@@ -152,6 +152,21 @@ def with_value(parameters: Any, path: str, value: Any) -> Any:
     return from_mapping(type(parameters), mapping)
 
 
+def put(mapping: dict[str, Any], path: str, value: Any) -> None:
+    """Replaces the number at a dotted path of a mapping that was made by `to_mapping`.
+
+    Raises:
+        ValueError: If there is no number at that path.
+    """
+    *way, last = path.split(".")
+    place: Any = mapping
+    for key in way:
+        place = _entries(place).get(key)
+    if not isinstance(place, dict) or not isinstance(place.get(last), float):
+        raise ValueError(f"there is no number {path!r} to draw; name one that the scenario gives a value")
+    place[last] = value
+
+
 def _entries(place: Any) -> dict[str, Any]:
     """What can be reached from a place in a mapping, by key."""
     if isinstance(place, dict):
@@ -159,9 +174,11 @@ def _entries(place: Any) -> dict[str, Any]:
     if not isinstance(place, list):
         return {}
     firsts = [next(iter(item.values()), None) if isinstance(item, dict) else None for item in place]
-    return {first if isinstance(first, str) else str(i): place[i] for i, first in enumerate(firsts)}
+    named = {first: place[i] for i, first in enumerate(firsts) if isinstance(first, str)}
+    return named | {str(i): item for i, item in enumerate(place)}
 
 
+@cache
 def field_docs(kind: type) -> dict[str, str]:
     """The docstring beneath each field of a parameter class, as one line each."""
     tree = ast.parse(textwrap.dedent(inspect.getsource(kind))).body[0]

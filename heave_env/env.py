@@ -53,8 +53,8 @@ def chosen_scenario(
 def observation_space(scenario: Scenario) -> gym.spaces.Box:
     """Bounds of one observation: scaled channels and filter states, then pending commands in [-1, 1]."""
     high = np.full(len(scenario.observation_names), OBSERVATION_BOUND, dtype=np.float32)
-    if scenario.n_pending:
-        high[-scenario.n_pending :] = 1.0
+    if scenario.n_shown_pending:
+        high[-scenario.n_shown_pending :] = 1.0
     return gym.spaces.Box(-high, high, dtype=np.float32)
 
 

@@ -15,10 +15,20 @@ import math
 import numpy as np
 from numba import njit
 
-from heave_env.cable.axial import cable_step, cable_tensions, hang_still
+from heave_env.cable.axial import (
+    cable_move,
+    cable_solve,
+    cable_step,
+    cable_tensions,
+    hang_still,
+    solved_sheave_tension,
+)
+from heave_env.compensator import rod_gap, stopped_rod
 from heave_env.compiled import source_fingerprint, stage
 from heave_env.lanes import block_of_lanes
 from heave_env.layout import (
+    ACTING_COMMAND,
+    BOOM_TIP_BELOW,
     BOOM_TIP_HEAVE,
     BOOM_TIP_HEAVE_RATE,
     BREAKING_STRENGTH,
@@ -28,10 +38,21 @@ from heave_env.layout import (
     COMMAND_COST,
     COMMAND_RANGE,
     COMMAND_WEIGHT,
+    COMPENSATOR_DAMPING,
+    COMPENSATOR_DISPLACEMENT,
+    COMPENSATOR_MASS,
+    COMPENSATOR_OLD,
+    COMPENSATOR_RATE,
     DISPLACEMENT,
     DIVERGENCE_LIMIT,
+    ELEMENT_STIFFNESS,
     FAILURE_COST,
     FAILURE_RATE,
+    FIRST_GAP,
+    FIRST_TRIAL,
+    GAS_FORCE,
+    GAS_LENGTH,
+    HALF_STROKE,
     INITIAL_LENGTH,
     LANDING_DEPTH,
     LENGTH,
@@ -45,6 +66,7 @@ from heave_env.layout import (
     NEW_BOOM_TIP_RATE,
     OLD_BOOM_TIP,
     OLD_BOOM_TIP_RATE,
+    OWN_DELAY,
     PAY_OUT_RAMP,
     PAY_OUT_SPEED,
     PAY_OUT_START,
@@ -57,6 +79,7 @@ from heave_env.layout import (
     PAYOUT_RATE,
     POSITION_COST,
     POSITION_WEIGHT,
+    RETURNED_SHARE,
     SAFETY_COST,
     SATURATED,
     SCRATCH,
@@ -67,8 +90,11 @@ from heave_env.layout import (
     SHEAVE_TENSION,
     SLACK,
     SPEED_LIMIT,
+    STEP_SUPPLY,
     STEP_WORK,
     STROKE_LIMIT,
+    SUPPLY_PER_WORK,
+    SUPPLY_POWER,
     TENSION_LIMIT,
     TENSION_MAX,
     TENSION_MIN,
@@ -90,7 +116,9 @@ from heave_env.streams import (
     philox,
     uniform,
 )
-from heave_env.winch import free_winch_step, limited_winch_step
+from heave_env.winch import driven_winch_step, free_winch_step, limited_winch_step
+
+# What an episode draws stands in the row itself; what all rows share, in `tables`.
 
 # Kinds of sea, as the kernel knows them.
 CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
@@ -106,6 +134,8 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     N_ITERATIONS,
     TENSION_ONLY,
     WINCH_LIMITED,
+    WINCH_DRIVEN,
+    SECOND_ORDER_WINCH,
     ACCELERATION_LIMITED,
     DELAY_SUBSTEPS,
     N_PENDING,
@@ -127,8 +157,20 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     HAS_PAY_OUT,
     BEGINS_COMPENSATED,
     AT_NODE_ROWS,
+    SEA_VARIES,
+    SENSORS_VARY,
+    DELAY_VARIES,
+    N_DRAWS,
+    ROW_SEA,
+    ROW_SENSOR_TABLE,
+    ROW_DRAWS,
+    SHOWS_DRAWS,
+    SENSORS_ERR,
+    ROW_SENSOR_STATE,
+    AT_SENSOR_ERRORS,
+    HAS_COMPENSATOR,
     N_CONFIGURATION,
-) = range(31)
+) = range(45)
 # Behind these follow, sensor by sensor, channel row and delay, and then the history lags.
 
 # Whole-number state of a row.
@@ -142,6 +184,8 @@ _ZERO = np.uint64(0)
 _ONE = np.uint64(1)
 _SEA, _SENSORS, _INITIAL = np.uint64(SEA), np.uint64(SENSORS), np.uint64(INITIAL)
 _NOISE = SCRATCH + 6  # four rows
+# Indices of draws, beyond those of a step's noise and of a sea's beginning.
+_DROPOUT, _ERRORS = 4096, 1 << 20
 
 
 # The sea -----------------------------------------------------------------------------------------
@@ -168,6 +212,13 @@ def _filter_output(S, cfg, tables, first_lane, last_lane):
     for lane in range(first_lane, last_lane):
         S[NEW_BOOM_TIP, lane] = real(0.0)
         S[NEW_BOOM_TIP_RATE, lane] = real(0.0)
+    if cfg[SEA_VARIES] == 1:
+        own = cfg[ROW_SEA] + 3 * n * n
+        for i in range(n):
+            for lane in range(first_lane, last_lane):
+                S[NEW_BOOM_TIP, lane] += S[own + i, lane] * S[rows + i, lane]
+                S[NEW_BOOM_TIP_RATE, lane] += S[own + n + i, lane] * S[rows + i, lane]
+        return
     for i in range(n):
         heave, rate = real(tables[output + i]), real(tables[output + n + i])
         for lane in range(first_lane, last_lane):
@@ -187,14 +238,23 @@ def _filter_step(S, I, cfg, tables, n_lanes):
     for i in range(n):
         for lane in range(n_lanes):
             S[fresh + i, lane] = real(0.0)
-        for j in range(n):
-            coefficient = real(tables[at + i * n + j])
-            for lane in range(n_lanes):
-                S[fresh + i, lane] += coefficient * S[rows + j, lane]
-        for j in range(i + 1):
-            coefficient = real(tables[at + n * n + i * n + j])
-            for lane in range(n_lanes):
-                S[fresh + i, lane] += coefficient * S[noise + j, lane]
+        if cfg[SEA_VARIES] == 1:
+            own = cfg[ROW_SEA] + i * n
+            for j in range(n):
+                for lane in range(n_lanes):
+                    S[fresh + i, lane] += S[own + j, lane] * S[rows + j, lane]
+            for j in range(i + 1):
+                for lane in range(n_lanes):
+                    S[fresh + i, lane] += S[own + n * n + j, lane] * S[noise + j, lane]
+        else:
+            for j in range(n):
+                coefficient = real(tables[at + i * n + j])
+                for lane in range(n_lanes):
+                    S[fresh + i, lane] += coefficient * S[rows + j, lane]
+            for j in range(i + 1):
+                coefficient = real(tables[at + n * n + i * n + j])
+                for lane in range(n_lanes):
+                    S[fresh + i, lane] += coefficient * S[noise + j, lane]
     for i in range(n):
         for lane in range(n_lanes):
             S[rows + i, lane] = S[fresh + i, lane]
@@ -213,7 +273,10 @@ def _begin_filter(S, I, cfg, tables, lane):
     for i in range(n):
         value = real(0.0)
         for j in range(i + 1):
-            value += real(tables[factor + i * n + j]) * S[noise + j, lane]
+            at = i * n + j
+            shared = real(tables[factor + at]) if cfg[SEA_VARIES] == 0 else real(0.0)
+            own = S[cfg[ROW_SEA] + 2 * n * n + at, lane] if cfg[SEA_VARIES] == 1 else real(0.0)
+            value += (shared + own) * S[noise + j, lane]
         S[rows + i, lane] = value
     _filter_output(S, cfg, tables, lane, lane + 1)
 
@@ -228,9 +291,11 @@ def _sum_sinusoids(S, I, cfg, tables, control_dt, ahead, first_lane, last_lane):
     for lane in range(first_lane, last_lane):
         S[NEW_BOOM_TIP, lane] = real(0.0)
         S[NEW_BOOM_TIP_RATE, lane] = real(0.0)
+    varies = cfg[SEA_VARIES] == 1
     for i in range(n):
-        amplitude = tables[amplitudes + i]
+        shared = 0.0 if varies else tables[amplitudes + i]
         for lane in range(first_lane, last_lane):
+            amplitude = np.float64(S[cfg[ROW_SEA] + 2 * n + i, lane]) if varies else shared
             time = (np.float64(np.int64(I[STEP, lane])) + ahead) * control_dt
             frequency = np.float64(S[rows + 2 * i, lane])
             cosine, sine = cosine_sine_of_turns(frequency * time + np.float64(S[rows + 2 * i + 1, lane]))
@@ -242,10 +307,13 @@ def _sum_sinusoids(S, I, cfg, tables, control_dt, ahead, first_lane, last_lane):
 def _begin_sinusoids(S, I, cfg, tables, lane):
     """Draws one lane's frequencies, each within its bin, and phases."""
     real = S.dtype.type
-    n, rows, at = cfg[N_COMPONENTS], cfg[ROW_COMPONENTS], cfg[AT_COMPONENTS]
+    n, rows, at, own = cfg[N_COMPONENTS], cfg[ROW_COMPONENTS], cfg[AT_COMPONENTS], cfg[ROW_SEA]
+    varies = cfg[SEA_VARIES] == 1
     for i in range(n):
         a, b, _, _ = philox(I[SEED, lane], I[EPISODE, lane], _INITIAL, _ZERO, np.uint64(i))
-        omega = tables[at + i] + tables[at + n + i] * uniform(a)
+        low = np.float64(S[own + i, lane]) if varies else tables[at + i]
+        width = np.float64(S[own + n + i, lane]) if varies else tables[at + n + i]
+        omega = low + width * uniform(a)
         S[rows + 2 * i, lane] = real(omega / (2.0 * math.pi))
         S[rows + 2 * i + 1, lane] = real(uniform(b))
 
@@ -313,6 +381,63 @@ def _pay_out_over_substep(S, I, cfg, tables, substep, control_dt, n_lanes):
 
 
 @stage
+def _rod_trial(S, cfg, at, dt, n_lanes):
+    """Solves the cable with the sheave where the rods' trial ends put it, positive down."""
+    for lane in range(n_lanes):
+        S[SHEAVE_NEW, lane] = S[BOOM_TIP_BELOW, lane] - S[COMPENSATOR_DISPLACEMENT, lane]
+    cable_solve(S, at, cfg[N_ELEMENTS], cfg[N_ITERATIONS], n_lanes, dt, cfg[TENSION_ONLY] == 1)
+
+
+@stage
+def _solve_with_rod(S, cfg, at, dt, n_lanes):
+    """Cable and passive compensator over a solver step, solved together by the secant method.
+
+    The cable's tension is all but linear in where the rod ends, so that three solves of the cable do: two
+    to find the secant, one at its root; a cable that may be slack gets two more. On return the sheave's
+    rows hold the rod's motion too.
+    """
+    real = S.dtype.type
+    zero, two = real(0.0), real(2.0)
+    n, tension_only = cfg[N_ELEMENTS], cfg[TENSION_ONLY] == 1
+    step = real(dt)
+    for lane in range(n_lanes):
+        old = S[COMPENSATOR_DISPLACEMENT, lane]
+        S[COMPENSATOR_OLD, lane] = old
+        S[BOOM_TIP_BELOW, lane] = S[SHEAVE_NEW, lane]
+        S[SHEAVE_OLD, lane] -= old
+        S[COMPENSATOR_DISPLACEMENT, lane] = old + step * S[COMPENSATOR_RATE, lane]
+    _rod_trial(S, cfg, at, dt, n_lanes)
+    for lane in range(n_lanes):
+        rod = S[COMPENSATOR_DISPLACEMENT, lane]
+        gap = rod_gap(S, lane, rod, solved_sheave_tension(S, at, n, lane, tension_only), dt)
+        S[FIRST_TRIAL, lane], S[FIRST_GAP, lane] = rod, gap
+        # A first slope that errs to the stiff side: rod, gas and the cable's uppermost element.
+        stiff = S[COMPENSATOR_DAMPING, lane] / step + two * S[COMPENSATOR_MASS, lane] / (step * step)
+        stiff += S[GAS_FORCE, lane] / S[GAS_LENGTH, lane] + S[at[0] + ELEMENT_STIFFNESS, lane]
+        S[COMPENSATOR_DISPLACEMENT, lane] = rod - gap / max(stiff, real(1.0))
+    for trial in range(4 if tension_only else 2):
+        _rod_trial(S, cfg, at, dt, n_lanes)
+        for lane in range(n_lanes):
+            rod = S[COMPENSATOR_DISPLACEMENT, lane]
+            gap = rod_gap(S, lane, rod, solved_sheave_tension(S, at, n, lane, tension_only), dt)
+            moved, lessened = rod - S[FIRST_TRIAL, lane], gap - S[FIRST_GAP, lane]
+            S[FIRST_TRIAL, lane], S[FIRST_GAP, lane] = rod, gap
+            better = rod - gap * moved / lessened if lessened != zero else rod
+            if trial + 1 < (4 if tension_only else 2):
+                S[COMPENSATOR_DISPLACEMENT, lane] = better
+            else:
+                S[COMPENSATOR_DISPLACEMENT, lane] = stopped_rod(S, lane, better)
+    _rod_trial(S, cfg, at, dt, n_lanes)
+    for lane in range(n_lanes):
+        rod, old = S[COMPENSATOR_DISPLACEMENT, lane], S[COMPENSATOR_OLD, lane]
+        at_stop = abs(rod) >= S[HALF_STROKE, lane]
+        rate = two * (rod - old) / step - S[COMPENSATOR_RATE, lane]
+        # Without mass the midpoint's rates would ring about the mean, which means nothing then.
+        rate = rate if S[COMPENSATOR_MASS, lane] > zero else (rod - old) / step
+        S[COMPENSATOR_RATE, lane] = zero if at_stop else rate
+
+
+@stage
 def _cable_substep(S, cfg, dt, n_lanes):
     """The finite-difference cable over a solver step, with the winch's work on it."""
     real = S.dtype.type
@@ -327,11 +452,20 @@ def _cable_substep(S, cfg, dt, n_lanes):
         # The cable's own signs are positive down.
         S[SHEAVE_OLD, lane] = -S[SHEAVE_OLD, lane]
         S[SHEAVE_NEW, lane] = -S[SHEAVE_NEW, lane]
-    cable_step(S, at, n, cfg[N_ITERATIONS], n_lanes, dt, tension_only)
+    if cfg[HAS_COMPENSATOR] == 1:
+        _solve_with_rod(S, cfg, at, dt, n_lanes)
+        cable_move(S, at, n, n_lanes)
+    else:
+        cable_step(S, at, n, cfg[N_ITERATIONS], n_lanes, dt, tension_only)
     cable_tensions(S, at, n, n_lanes, tension_only)
     for lane in range(n_lanes):
         hauled = S[WINCH_DISPLACEMENT, lane] - S[WINCH_OLD, lane]
-        S[STEP_WORK, lane] += S[SHEAVE_TENSION, lane] * hauled
+        work = S[SHEAVE_TENSION, lane] * hauled
+        share = S[SUPPLY_PER_WORK, lane] if work > real(0.0) else S[RETURNED_SHARE, lane]
+        S[STEP_WORK, lane] += work
+        S[STEP_SUPPLY, lane] += work * share
+        if cfg[HAS_COMPENSATOR] == 1:
+            S[SHEAVE_NEW, lane] = S[BOOM_TIP_BELOW, lane]
         S[SHEAVE_OLD, lane] = -S[SHEAVE_OLD, lane]
         S[SHEAVE_NEW, lane] = -S[SHEAVE_NEW, lane]
 
@@ -367,7 +501,66 @@ def _show_cable(S, cfg, first_lane, last_lane):
         S[PAYLOAD_HEAVE_RATE, lane] = S[PAYOUT_RATE, lane] * lengthening - S[bottom + VELOCITY, lane]
 
 
+@stage
+def _late_commands(S, cfg, position, substep, n_substeps, commands, n_lanes):
+    """The command that acts on each row's winch in a solver step, each with its own delay."""
+    for lane in range(n_lanes):
+        given = (substep - np.int64(S[OWN_DELAY, lane])) // n_substeps
+        S[ACTING_COMMAND, lane] = S[cfg[ROW_COMMANDS] + (position + given) % commands, lane]
+
+
 # Sensors and task --------------------------------------------------------------------------------
+
+
+@stage
+def _distorted(S, cfg, tables, s, lane, truth):
+    """What a sensor makes of a true value before noise: high-pass, scale error, bias.
+
+    The high-pass is the trapezoidal state-variable form, which keeps its accuracy when its corner is slow.
+    """
+    real = S.dtype.type
+    two = real(2.0)
+    at, own = cfg[AT_SENSOR_ERRORS] + 6 * s, cfg[ROW_SENSOR_STATE] + 5 * s
+    g = real(tables[at + 4])
+    if g > real(0.0):
+        damping = real(tables[at + 5])
+        first, second = S[own + 3, lane], S[own + 4, lane]
+        high = (truth - (two * damping + g) * first - second) / (real(1.0) + g * (two * damping + g))
+        band = g * high + first
+        S[own + 3, lane] = g * high + band
+        S[own + 4, lane] = two * g * band + second
+        truth = high
+    return truth * (real(1.0) + S[own, lane]) + S[own + 1, lane]
+
+
+@stage
+def _held(S, I, cfg, tables, s, lane, value):
+    """The reading that stands: the new one, or the last where none is due or it was lost."""
+    at, own = cfg[AT_SENSOR_ERRORS] + 6 * s, cfg[ROW_SENSOR_STATE] + 5 * s
+    step = np.int64(I[STEP, lane])
+    every, dropout = np.int64(tables[at + 2]), tables[at + 3]
+    lost = step % every != 0
+    if dropout > 0.0 and not lost and step > 0:
+        word, _, _, _ = philox(
+            I[SEED, lane], I[EPISODE, lane], _SENSORS, I[STEP, lane], np.uint64(_DROPOUT + s)
+        )
+        lost = uniform(word) < dropout
+    if not lost:
+        S[own + 2, lane] = value
+    return S[own + 2, lane]
+
+
+@stage
+def _begin_sensors(S, I, cfg, tables, lane):
+    """Draws one lane's scale errors and biases and empties its heave filters."""
+    real = S.dtype.type
+    for s in range(cfg[N_SENSORS]):
+        at, own = cfg[AT_SENSOR_ERRORS] + 6 * s, cfg[ROW_SENSOR_STATE] + 5 * s
+        a, b, _, _ = philox(I[SEED, lane], I[EPISODE, lane], _INITIAL, _ZERO, np.uint64(_ERRORS + s))
+        z0, z1 = normal_pair(a, b)
+        S[own, lane] = real(tables[at] * z0)
+        S[own + 1, lane] = real(tables[at + 1] * z1)
+        S[own + 3, lane] = S[own + 4, lane] = real(0.0)
 
 
 @stage
@@ -383,10 +576,19 @@ def _measure(S, I, cfg, tables, position, first_lane, last_lane):
             at = cfg[AT_SENSORS] + 3 * s
             noise, offset, per_scale = real(tables[at]), real(tables[at + 1]), real(tables[at + 2])
             channel = cfg[N_CONFIGURATION + 2 * s]
+            own = cfg[ROW_SENSOR_TABLE] + 3 * s
             for lane in range(first_lane, last_lane):
-                value = (S[channel, lane] + noise * S[_NOISE + s - 4 * quad, lane] - offset) * per_scale
+                if cfg[SENSORS_VARY] == 1:
+                    noise, offset, per_scale = S[own, lane], S[own + 1, lane], S[own + 2, lane]
+                truth = S[channel, lane]
+                if cfg[SENSORS_ERR] == 1:
+                    truth = _distorted(S, cfg, tables, s, lane, truth)
+                value = (truth + noise * S[_NOISE + s - 4 * quad, lane] - offset) * per_scale
                 value = value if value > -bound else -bound
-                S[place + s, lane] = value if value < bound else bound
+                value = value if value < bound else bound
+                if cfg[SENSORS_ERR] == 1:
+                    value = _held(S, I, cfg, tables, s, lane, value)
+                S[place + s, lane] = value
 
 
 @stage
@@ -408,6 +610,9 @@ def _observe(S, cfg, position, block, n_envs, observation, first_lane, last_lane
                 column += 1
         for i in range(cfg[SHOWN_FILTER_STATES]):
             observation[row, column] = S[cfg[ROW_FILTER] + i, lane]
+            column += 1
+        for i in range(cfg[SHOWS_DRAWS] * cfg[N_DRAWS]):
+            observation[row, column] = S[cfg[ROW_DRAWS] + i, lane]
             column += 1
         commands = cfg[N_PENDING] + 1
         for i in range(cfg[N_PENDING]):
@@ -522,6 +727,7 @@ def _make(n_lanes: int, fingerprint: int):
                 S[SHEAVE_RATE_NEW, lane] = S[BOOM_TIP_HEAVE_RATE, lane]
                 S[TENSION_MIN, lane], S[TENSION_MAX, lane] = real(np.inf), real(-np.inf)
                 S[STEP_WORK, lane] = zero
+                S[STEP_SUPPLY, lane] = zero
             if cfg[SEA_KIND] == FILTERED:
                 _filter_step(S, I, cfg, tables, n_lanes)
             elif cfg[SEA_KIND] == SINUSOIDS:
@@ -534,7 +740,13 @@ def _make(n_lanes: int, fingerprint: int):
                 _pay_out_over_substep(S, I, cfg, tables, substep, control_dt, n_lanes)
                 given = (substep - cfg[DELAY_SUBSTEPS]) // n_substeps
                 acting = cfg[ROW_COMMANDS] + (position + given) % commands
-                if cfg[WINCH_LIMITED] == 1:
+                if cfg[DELAY_VARIES] == 1:
+                    acting = ACTING_COMMAND
+                    _late_commands(S, cfg, position, substep, n_substeps, commands, n_lanes)
+                if cfg[WINCH_DRIVEN] == 1:
+                    at_once = cfg[ACCELERATION_LIMITED] == 0
+                    driven_winch_step(S, acting, n_lanes, dt, cfg[SECOND_ORDER_WINCH] == 1, at_once)
+                elif cfg[WINCH_LIMITED] == 1:
                     limited_winch_step(S, acting, n_lanes, dt, cfg[ACCELERATION_LIMITED] == 0)
                 else:
                     free_winch_step(S, acting, n_lanes)
@@ -547,6 +759,7 @@ def _make(n_lanes: int, fingerprint: int):
                 S[BOOM_TIP_HEAVE, lane] = S[SHEAVE_NEW, lane]
                 S[BOOM_TIP_HEAVE_RATE, lane] = S[SHEAVE_RATE_NEW, lane]
                 S[WINCH_POWER, lane] = S[STEP_WORK, lane] * per_step
+                S[SUPPLY_POWER, lane] = S[STEP_SUPPLY, lane] * per_step
             if cfg[IS_LINEAR] == 0:
                 _show_cable(S, cfg, 0, n_lanes)
             _charge(S, I, cfg, block, n_envs, reward, outcome, n_lanes)
@@ -612,6 +825,8 @@ def _make(n_lanes: int, fingerprint: int):
                 S[TENSION_MAX, lane] = S[SHEAVE_TENSION, lane]
             for i in range(cfg[N_PENDING] + 1):
                 S[cfg[ROW_COMMANDS] + i, lane] = command
+            if cfg[SENSORS_ERR] == 1:
+                _begin_sensors(S, I, cfg, tables, lane)
             # Before the episode the sensors are taken to have read what they read now.
             _measure(S, I, cfg, tables, position, lane, lane + 1)
             n = cfg[N_SENSORS]

@@ -10,6 +10,7 @@ from __future__ import annotations
 import difflib
 import itertools
 import math
+import statistics
 from collections.abc import Iterable
 from dataclasses import dataclass, replace
 
@@ -258,42 +259,147 @@ class VesselTable:
 
 @dataclass(frozen=True, kw_only=True)
 class Winch:
-    """First-order winch behind a pure delay: u' = K (u0(t - delay) - u), within limits.
+    """Winch behind a pure delay: a first-order lag u' = K (u0(t - delay) - u), or a second-order drive
+    u'' + 2 ζ ω u' + ω² u = ω² u0(t - delay), within limits.
 
-    Source: Huang (1992), (6.1) and (6.12).
+    Source: Huang (1992), (6.1) and (6.12); the second order is what his 6.5 asks for.
     """
 
-    time_constant: float
-    """Lag 1/K [s]."""
+    time_constant: float | None = None
+    """Lag 1/K of a first-order winch [s]; null for a second-order drive."""
+    natural_omega: float | None = None
+    """ω of a second-order drive [rad/s]; null for a first-order winch."""
+    damping_ratio: float = 0.7
+    """ζ of a second-order drive [-]."""
     command_range: float
     """Largest commanded displacement |u0| [m]: what an action of one means."""
     command_delay: float = 0.0
     """Pure delay from command to winch [s]; a multiple of the solver's step."""
+    command_step: float = 0.0
+    """Commands are rounded to whole multiples of this [m]; 0 switches it off."""
+    dead_band: float = 0.0
+    """The drive rests while |u0 - u| is no larger [m]; 0 switches it off."""
     stroke_limit: float | None = None
     """Largest displacement |u| [m]; null switches the limit off."""
     speed_limit: float | None = None
     """Largest speed |u'| [m/s]; null switches the limit off."""
     acceleration_limit: float | None = None
     """Largest acceleration |u''| [m/s²]; null switches the limit off."""
+    power_limit: float | None = None
+    """Largest mechanical power, |tension times speed| [W]: the more tension, the less speed; null switches
+    the limit off."""
+    torque_limit: float | None = None
+    """Largest torque of the drive at the drum [N·m]: it carries the tension and accelerates the drum, so the
+    more tension, the less it can speed up; beyond it the winch is pulled out. Null switches it off."""
+    drum_radius: float | None = None
+    """Radius at which the cable leaves the drum [m]; needed by torque_limit."""
+    drum_inertia: float | None = None
+    """Moment of inertia of drum, gear and motor, as felt at the drum [kg·m²]; needed by torque_limit."""
+    efficiency: float = 1.0
+    """Mechanical work on the cable over energy drawn from the supply, while hauling [-]."""
+    regeneration: float = 0.0
+    """Share of the work done by the cable on the winch that returns to the supply, while paying out [-]."""
 
     def __post_init__(self) -> None:
-        require_number(self, "time_constant", positive=True)
+        require_number(self, "time_constant", positive=True, optional=True)
+        require_number(self, "natural_omega", positive=True, optional=True)
+        require(
+            (self.time_constant is None) != (self.natural_omega is None),
+            self,
+            "time_constant",
+            "given exactly when natural_omega is null: a lag of the first order or a drive of the second",
+        )
+        require_number(self, "damping_ratio", positive=True)
         require_number(self, "command_range", positive=True)
         require_number(self, "command_delay", non_negative=True)
-        for limit in ("stroke_limit", "speed_limit", "acceleration_limit"):
+        require_number(self, "command_step", non_negative=True)
+        require_number(self, "dead_band", non_negative=True)
+        for limit in ("stroke_limit", "speed_limit", "acceleration_limit", "power_limit", "torque_limit"):
             require_number(self, limit, positive=True, optional=True)
+        for size in ("drum_radius", "drum_inertia"):
+            require_number(self, size, positive=True, optional=True)
+            needed = self.torque_limit is not None
+            require(
+                (getattr(self, size) is not None) == needed, self, size, "given exactly with torque_limit"
+            )
+        for share in ("efficiency", "regeneration"):
+            require_number(self, share, non_negative=True)
+            require(getattr(self, share) <= 1.0, self, share, "a share, at most 1")
+        require_number(self, "efficiency", positive=True)
+
+    @property
+    def is_second_order(self) -> bool:
+        """Whether the drive is of the second order."""
+        return self.natural_omega is not None
+
+    @property
+    def lag(self) -> float:
+        """What it trails a slow command by: the time constant, or 2 ζ / ω of a second-order drive [s]."""
+        if self.natural_omega is not None:
+            return 2.0 * self.damping_ratio / self.natural_omega
+        assert self.time_constant is not None
+        return self.time_constant
 
     @property
     def rate_constant(self) -> float:
-        """K = 1 / time_constant [1/s]."""
-        return 1.0 / self.time_constant
+        """K = 1 / lag [1/s]."""
+        return 1.0 / self.lag
 
     @property
     def is_limited(self) -> bool:
-        """Whether any limit of stroke, speed or acceleration is on."""
-        return any(
-            limit is not None for limit in (self.stroke_limit, self.speed_limit, self.acceleration_limit)
-        )
+        """Whether any limit, dead band or rounding keeps it from being linear."""
+        limits = (self.stroke_limit, self.speed_limit, self.acceleration_limit)
+        return any(limit is not None for limit in limits) or self.is_driven
+
+    @property
+    def is_driven(self) -> bool:
+        """Whether it is more than a lag within limits of stroke, speed and acceleration."""
+        limits = (self.power_limit, self.torque_limit)
+        return any(limit is not None for limit in limits) or self.command_step > 0.0 or self.dead_band > 0.0
+
+
+@dataclass(frozen=True, kw_only=True)
+class Compensator:
+    """Passive compensator between boom tip and sheave: a gas spring and a damper in series with the cable."""
+
+    gas_volume: float
+    """Volume of the gas at mid-stroke, accumulators included [m³]."""
+    piston_area: float
+    """Area of the piston [m²]; volume over area is the length of the gas column."""
+    stroke: float
+    """From stop to stop [m]."""
+    damping: float = 0.0
+    """Force per speed of the rod [N·s/m]."""
+    moving_mass: float = 0.0
+    """Mass of rod and sheave [kg]; its weight is carried by the gas."""
+    polytropic_exponent: float = 1.3
+    """κ of p V^κ = constant [-]: 1 for slow, 1.4 for fast changes of nitrogen."""
+    force: float | None = None
+    """Force at mid-stroke [N]; null: the static tension at the sheave, which holds the rod there."""
+
+    def __post_init__(self) -> None:
+        for field in ("gas_volume", "piston_area", "stroke", "polytropic_exponent"):
+            require_number(self, field, positive=True)
+        require_number(self, "damping", non_negative=True)
+        require_number(self, "moving_mass", non_negative=True)
+        require_number(self, "force", positive=True, optional=True)
+        shortest = f"below twice the gas column of {self.gas_length:g} m (gas_volume over piston_area)"
+        require(self.stroke < 2.0 * self.gas_length, self, "stroke", shortest)
+
+    @property
+    def gas_length(self) -> float:
+        """Length of the gas column at mid-stroke, volume over area [m]."""
+        return self.gas_volume / self.piston_area
+
+    @property
+    def pressure_ratio(self) -> float:
+        """Greatest over least gas pressure within the stroke [-]."""
+        half = 0.5 * self.stroke / self.gas_length
+        return ((1.0 + half) / (1.0 - half)) ** self.polytropic_exponent
+
+    def stiffness(self, force: float) -> float:
+        """Slope of the gas spring at mid-stroke, κ F / g [N/m]."""
+        return self.polytropic_exponent * force / self.gas_length
 
 
 @dataclass(frozen=True, kw_only=True)
@@ -580,3 +686,44 @@ class PayOut:
             "speed",
             "zero exactly when distance is zero",
         )
+
+
+DISTRIBUTIONS = ("uniform", "log_uniform", "normal")
+
+
+@dataclass(frozen=True, kw_only=True)
+class Draw:
+    """A number of the scenario that is drawn anew for each episode; controllers know the scenario's own."""
+
+    parameter: str
+    """Dotted path of the number, as `winch.time_constant` or `sea_state.significant_wave_height`."""
+    distribution: str = "uniform"
+    """`uniform`, `log_uniform`, or `normal`: about the middle, a quarter of the range as its standard
+    deviation, within the range."""
+    low: float
+    """Smallest value, in the parameter's own unit."""
+    high: float
+    """Largest value, in the parameter's own unit."""
+
+    def __post_init__(self) -> None:
+        known = f"one of {', '.join(DISTRIBUTIONS)}"
+        require(self.distribution in DISTRIBUTIONS, self, "distribution", known)
+        require_number(self, "low", positive=self.distribution == "log_uniform")
+        require_number(self, "high")
+        require(self.high >= self.low, self, "high", f"no less than low ({self.low!r})")
+
+    def quantile(self, share: float) -> float:
+        """The value below which a share of the distribution lies, `share` within (0, 1)."""
+        if self.distribution == "log_uniform":
+            return self.low * (self.high / self.low) ** share
+        if self.distribution == "normal":
+            # Two standard deviations on either side: the part of the bell that lies within.
+            bell = statistics.NormalDist(0.5, 0.25)
+            outside = bell.cdf(0.0)
+            share = bell.inv_cdf(outside + share * (1.0 - 2.0 * outside))
+        return self.low + share * (self.high - self.low)
+
+    def scaled(self, value: float) -> float:
+        """The value as -1 at the lower and +1 at the upper end of its range."""
+        width = self.high - self.low
+        return 2.0 * (value - self.low) / width - 1.0 if width > 0.0 else 0.0

@@ -17,10 +17,11 @@ from scipy.linalg import expm
 from heave_env import kernel as k
 from heave_env import layout as rows
 from heave_env.cable.axial import fill_parameters, node_rows
-from heave_env.parameters import LinearPayload
+from heave_env.parameters import LinearPayload, Winch
 from heave_env.scenarios import Scenario
 from heave_env.sea import read_motion, square_root
-from heave_env.sensors import CHANNELS
+from heave_env.sensors import COMPENSATOR_CHANNELS, HIGH_PASS_DAMPING, Sensor
+from heave_env.streams import PARAMETERS, uniform_number
 from heave_env.vessel import boom_tip_components, boom_tip_filter
 
 Array = np.ndarray
@@ -78,6 +79,50 @@ def linear_step(payload: LinearPayload, dt: float) -> tuple[Array, Array]:
     return over_step[:, :2], over_step[:, 2:] @ derivatives
 
 
+def drive_step(winch: Winch, dt: float) -> Array:
+    """Exact step of a second-order drive: [u - u0, u'] at the end from the same at the start, (2, 2)."""
+    assert winch.natural_omega is not None
+    w, z = winch.natural_omega, winch.damping_ratio
+    return np.asarray(expm(np.array([[0.0, 1.0], [-(w**2), -2.0 * z * w]]) * dt))
+
+
+def sea_table(scenario: Scenario) -> Array:
+    """Constants of a filtered sea (transition, roots of step and stationary covariance, outputs) or of
+    sinusoids (bins' lower ends, widths, amplitudes), one after the other; empty for other seas."""
+    kind = _SEA_KINDS[scenario.sea_state.kind]
+    if kind == k.SINUSOIDS:
+        components = boom_tip_components(scenario.sea_state, scenario.boom_tip_vessel)
+        return np.concatenate([components.low, components.width, components.amplitude])
+    if kind != k.FILTERED:
+        return np.zeros(0)
+    boom_tip = boom_tip_filter(scenario.sea_state, scenario.boom_tip_vessel)
+    F, Q = boom_tip.discretised(scenario.control_dt)
+    parts = (F, square_root(Q), square_root(boom_tip.covariance), boom_tip.C)
+    return np.concatenate([np.ravel(part) for part in parts])
+
+
+def sensor_table(scenario: Scenario, nominal: Scenario) -> Array:
+    """Noise of a sample, offset and one over the scale of each observed sensor, (3 n_sensors,).
+
+    Offset and scale are the nominal scenario's: an observation means the same in every episode.
+    """
+    pairs = zip(scenario.observed_sensors, nominal.observed_sensors, strict=True)
+    return np.ravel(
+        [
+            (sensor.sample_std(scenario.control_dt), known.offset, 1.0 / known.scale)
+            for sensor, known in pairs
+            if known.scale is not None
+        ]
+    )
+
+
+def sensor_errors(sensor: Sensor, control_dt: float) -> tuple[float, ...]:
+    """Scale error, bias, control steps between readings, drop-out, and the heave filter's two numbers."""
+    every = 1 if sensor.interval is None else round(sensor.interval / control_dt)
+    corner = 0.0 if sensor.high_pass_omega is None else math.tan(0.5 * sensor.high_pass_omega * control_dt)
+    return (sensor.scale_error, sensor.bias, every, sensor.dropout, corner, HIGH_PASS_DAMPING)
+
+
 class Plant:
     """A batch of plants of one scenario, with their sensors and costs.
 
@@ -91,6 +136,8 @@ class Plant:
     """Minus the stage cost of the last step, (n_envs,)."""
     outcome: Array
     """What became of each row in the last step: 0 running, 1 diverged, 2 lost, 3 landed, (n_envs,)."""
+    drawn: Array
+    """What the present episode drew for each of `scenario.uncertainty`, (n_envs, n_draws)."""
     channels: Array
     """Physical channels, ordered as `layout.CHANNEL_NAMES`, (n_envs, n_channels); no rows unless shown."""
 
@@ -133,6 +180,7 @@ class Plant:
         self.observation = np.zeros((self.n_envs, len(scenario.observation_names)), dtype=np.float32)
         self.reward = np.zeros(self.n_envs)
         self.outcome = np.zeros(self.n_envs, dtype=np.int64)
+        self.drawn = np.zeros((self.n_envs, len(scenario.uncertainty)))
         self.channels = np.zeros((self.n_envs if show_channels else 0, rows.N_CHANNELS))
         self._position = 0
         self._buffers = (self._state, self._counters, self._cfg, self._tables, scenario.control_dt)
@@ -149,21 +197,31 @@ class Plant:
         ages = [round(sensor.delay / scenario.control_dt) for sensor in sensors]
         n_filter = scenario.n_filter_states
         kind = _SEA_KINDS[scenario.sea_state.kind]
-        components = (
-            boom_tip_components(scenario.sea_state, scenario.boom_tip_vessel) if kind == k.SINUSOIDS else None
-        )
         cfg[k.SEA_KIND] = kind
         cfg[k.N_FILTER] = n_filter
-        cfg[k.N_COMPONENTS] = 0 if components is None else len(components.amplitude)
+        cfg[k.N_COMPONENTS] = len(sea_table(scenario)) // 3 if kind == k.SINUSOIDS else 0
         cfg[k.IS_LINEAR] = scenario.is_linear
         cfg[k.N_ELEMENTS] = scenario.n_elements
         cfg[k.N_SUBSTEPS] = scenario.n_substeps
         cfg[k.N_ITERATIONS] = scenario.n_iterations
         cfg[k.TENSION_ONLY] = scenario.cable is not None and scenario.cable.tension_only
-        cfg[k.WINCH_LIMITED] = scenario.winch.is_limited
-        cfg[k.ACCELERATION_LIMITED] = scenario.winch.acceleration_limit is not None
+        winch = scenario.winch
+        cfg[k.WINCH_LIMITED] = winch.is_limited
+        cfg[k.WINCH_DRIVEN] = winch.is_driven or winch.is_second_order
+        cfg[k.SECOND_ORDER_WINCH] = winch.is_second_order
+        cfg[k.ACCELERATION_LIMITED] = winch.acceleration_limit is not None or winch.torque_limit is not None
         cfg[k.DELAY_SUBSTEPS] = scenario.delay_substeps
-        cfg[k.N_PENDING] = scenario.n_pending
+        cfg[k.N_PENDING] = scenario.n_shown_pending
+        cfg[k.SEA_VARIES] = bool(scenario.varies & {"sea_state", "vessel"}) and kind in (
+            k.FILTERED,
+            k.SINUSOIDS,
+        )
+        cfg[k.SENSORS_VARY] = "sensors" in scenario.varies
+        cfg[k.DELAY_VARIES] = any(draw.parameter == "winch.command_delay" for draw in scenario.uncertainty)
+        cfg[k.HAS_COMPENSATOR] = scenario.compensator is not None
+        cfg[k.SENSORS_ERR] = not all(sensor.is_plain for sensor in sensors)
+        cfg[k.N_DRAWS] = len(scenario.uncertainty)
+        cfg[k.SHOWS_DRAWS] = scenario.information_set == "full_state"
         cfg[k.N_SENSORS] = len(sensors)
         cfg[k.N_LAGS] = len(lags)
         cfg[k.SENSOR_RING] = max(lags) + max(ages) + 1
@@ -175,8 +233,12 @@ class Plant:
         for key, count in (
             (k.ROW_FILTER, 2 * n_filter + 4 * -(-n_filter // 4)),
             (k.ROW_COMPONENTS, 2 * int(cfg[k.N_COMPONENTS])),
-            (k.ROW_COMMANDS, scenario.n_pending + 1),
+            (k.ROW_COMMANDS, scenario.n_shown_pending + 1),
             (k.ROW_SENSORS, int(cfg[k.SENSOR_RING]) * len(sensors)),
+            (k.ROW_SEA, len(sea_table(scenario)) if cfg[k.SEA_VARIES] else 0),
+            (k.ROW_SENSOR_TABLE, 3 * len(sensors) if cfg[k.SENSORS_VARY] else 0),
+            (k.ROW_DRAWS, len(scenario.uncertainty)),
+            (k.ROW_SENSOR_STATE, 5 * len(sensors) if cfg[k.SENSORS_ERR] else 0),
             (k.ROW_NODES, 0 if scenario.is_linear else rows.N_NODE_FIELDS * (scenario.n_elements + 1)),
         ):
             cfg[key] = row
@@ -188,24 +250,14 @@ class Plant:
             tables.extend(np.ravel(np.asarray(part, dtype=float)) for part in parts)
 
         place(k.AT_HERMITE, cubic_coefficients(scenario.n_substeps, scenario.control_dt))
-        if n_filter:
-            boom_tip = boom_tip_filter(scenario.sea_state, scenario.boom_tip_vessel)
-            F, Q = boom_tip.discretised(scenario.control_dt)
-            place(k.AT_FILTER, F, square_root(Q), square_root(boom_tip.covariance), boom_tip.C)
-        if components is not None:
-            place(k.AT_COMPONENTS, components.low, components.width, components.amplitude)
-        place(
-            k.AT_SENSORS,
-            [
-                (sensor.sample_std(scenario.control_dt), sensor.offset, 1.0 / sensor.scale)
-                for sensor in sensors
-                if sensor.scale is not None
-            ],
-        )
+        if n_filter or kind == k.SINUSOIDS:
+            place(k.AT_FILTER if n_filter else k.AT_COMPONENTS, sea_table(scenario))
+        place(k.AT_SENSORS, sensor_table(scenario, scenario))
+        place(k.AT_SENSOR_ERRORS, [sensor_errors(sensor, scenario.control_dt) for sensor in sensors])
         if kind == k.RECORDED:
             place(k.AT_RECORDING, self._recording())
         readings = [
-            (list(CHANNELS).index(sensor.channel), age) for sensor, age in zip(sensors, ages, strict=True)
+            (rows.CHANNEL_NAMES.index(sensor.channel), age) for sensor, age in zip(sensors, ages, strict=True)
         ]
         cfg[k.AT_NODE_ROWS] = len(cfg) + 2 * len(readings) + len(lags)
         parts = (cfg, np.ravel(readings), lags, node_rows(int(cfg[k.ROW_NODES]), scenario.n_elements))
@@ -213,7 +265,12 @@ class Plant:
         self._tables = np.concatenate(tables)
         self._state = np.zeros((self.n_blocks, row, self.n_lanes), dtype=self.dtype)
         self._counters = np.zeros((self.n_blocks, k.N_COUNTERS, self.n_lanes), dtype=np.uint64)
-        self._fill_parameters()
+        self._fill_parameters(self._state, scenario)
+        task = scenario.task
+        self._state[:, rows.FAILURE_RATE] = task.failure_factor * scenario.uncontrolled_cost
+        # Far beyond what any stable plant does under full command.
+        reach = 1.0 + scenario.winch.command_range + 10.0 * scenario.boom_tip_scale
+        self._state[:, rows.DIVERGENCE_LIMIT] = 100.0 * reach
 
     def _recording(self) -> Array:
         scenario = self.scenario
@@ -229,8 +286,9 @@ class Plant:
             )
         return np.column_stack([heave, rate, payout])
 
-    def _fill_parameters(self) -> None:
-        scenario, S = self.scenario, self._state
+    def _fill_parameters(self, S: Array, scenario: Scenario) -> None:
+        """Writes a scenario's numbers into some rows of the state, (n_blocks, n_rows, n_lanes)."""
+        cfg = self._cfg
         winch, task, pay_out = scenario.winch, scenario.task, scenario.pay_out
 
         def limit(value: float | None) -> float:
@@ -241,14 +299,29 @@ class Plant:
         S[:, rows.STROKE_LIMIT] = limit(winch.stroke_limit)
         S[:, rows.SPEED_LIMIT] = limit(winch.speed_limit)
         S[:, rows.ACCELERATION_LIMIT] = limit(winch.acceleration_limit)
+        if winch.is_second_order:
+            for i, value in enumerate(np.ravel(drive_step(winch, scenario.solver_dt))):
+                S[:, rows.WINCH_TRANSITION + i] = value
+        S[:, rows.COMMAND_STEP] = winch.command_step
+        S[:, rows.DEAD_BAND] = winch.dead_band
+        S[:, rows.POWER_LIMIT] = limit(winch.power_limit)
+        S[:, rows.TORQUE_LIMIT] = limit(winch.torque_limit)
+        S[:, rows.DRUM_RADIUS] = 1.0 if winch.drum_radius is None else winch.drum_radius
+        S[:, rows.DRUM_INERTIA] = 1.0 if winch.drum_inertia is None else winch.drum_inertia
+        S[:, rows.SUPPLY_PER_WORK] = 1.0 / winch.efficiency
+        S[:, rows.RETURNED_SHARE] = winch.regeneration
         S[:, rows.COMMAND_RANGE] = winch.command_range
         S[:, rows.POSITION_WEIGHT] = task.position_weight
         S[:, rows.COMMAND_WEIGHT] = task.command_weight
-        S[:, rows.FAILURE_RATE] = task.failure_factor * scenario.uncontrolled_cost
         S[:, rows.TENSION_LIMIT] = limit(task.tension_limit)
         S[:, rows.LANDING_DEPTH] = limit(task.landing_depth)
-        # Far beyond what any stable plant does under full command.
-        S[:, rows.DIVERGENCE_LIMIT] = 100.0 * (1.0 + winch.command_range + 10.0 * scenario.boom_tip_scale)
+        S[:, rows.OWN_DELAY] = scenario.delay_substeps
+        if cfg[k.SEA_VARIES]:
+            own = sea_table(scenario)
+            S[:, cfg[k.ROW_SEA] : cfg[k.ROW_SEA] + len(own)] = own[None, :, None]
+        if cfg[k.SENSORS_VARY]:
+            own = sensor_table(scenario, self.scenario)
+            S[:, cfg[k.ROW_SENSOR_TABLE] : cfg[k.ROW_SENSOR_TABLE] + len(own)] = own[None, :, None]
         S[:, rows.BREAKING_STRENGTH] = limit(scenario.cable.breaking_strength if scenario.cable else None)
         S[:, rows.PAY_OUT_SPEED] = pay_out.speed
         S[:, rows.PAY_OUT_START] = pay_out.start
@@ -263,6 +336,14 @@ class Plant:
         else:
             assert scenario.cable is not None and scenario.payload is not None
             S[:, rows.INITIAL_LENGTH] = scenario.initial_length
+            if scenario.compensator is not None:
+                rod = scenario.compensator
+                S[:, rows.GAS_FORCE] = scenario.static_tension if rod.force is None else rod.force
+                S[:, rows.GAS_LENGTH] = rod.gas_length
+                S[:, rows.GAS_EXPONENT] = rod.polytropic_exponent
+                S[:, rows.COMPENSATOR_DAMPING] = rod.damping
+                S[:, rows.COMPENSATOR_MASS] = rod.moving_mass
+                S[:, rows.HALF_STROKE] = 0.5 * rod.stroke
             fill_parameters(S, scenario.cable, scenario.payload)
 
     def begin(self, mask: Array, seeds: Array | None = None) -> None:
@@ -280,8 +361,26 @@ class Plant:
         else:
             self._counters[block, k.SEED, lane] = np.asarray(seeds, dtype=np.uint64)[place]
             self._counters[block, k.EPISODE, lane] = 0
+        if self.scenario.uncertainty:
+            for row in place:
+                self._draw(int(row))
         rows_to_begin = np.asarray(mask, dtype=np.bool_)
         self._begin(*self._buffers, self._position, rows_to_begin, self.observation, self.channels)
+
+    def _draw(self, row: int) -> None:
+        """Draws the uncertain numbers of a row's new episode and lays its own plant out."""
+        block, lane = divmod(row, self.n_lanes)
+        seed, episode = self._counters[block, k.SEED, lane], self._counters[block, k.EPISODE, lane]
+        draws = self.scenario.uncertainty
+        values = [draw.quantile(uniform_number(seed, episode, PARAMETERS, i)) for i, draw in enumerate(draws)]
+        paths = [draw.parameter for draw in draws]
+        own = self._state[block : block + 1, :, lane : lane + 1]
+        self._fill_parameters(own, self.scenario.with_drawn(dict(zip(paths, values, strict=True))))
+        first = self._cfg[k.ROW_DRAWS]
+        own[0, first : first + len(draws), 0] = [
+            draw.scaled(value) for draw, value in zip(draws, values, strict=True)
+        ]
+        self.drawn[row] = values
 
     def advance(self, actions: Array) -> None:
         """Advances every row by one control step under actions in [-1, 1], (n_envs,), float64."""
@@ -321,6 +420,7 @@ class Plant:
             "counters": self._counters.copy(),
             "position": np.array(self._position),
             "observation": self.observation.copy(),
+            "drawn": self.drawn.copy(),
         }
 
     def set_state(self, state: dict[str, Array]) -> None:
@@ -340,6 +440,7 @@ class Plant:
             mine[...] = given
         self._position = int(state["position"])
         self.observation[...] = state["observation"]
+        self.drawn[...] = state["drawn"]
 
     def close(self) -> None:
         """Lets go of the threads."""
@@ -395,9 +496,13 @@ _CABLE_CHANNELS = (
     "tension_min",
     "tension_max",
     "winch_power",
+    "supply_power",
 )
 
 
 def channel_names(scenario: Scenario) -> list[str]:
     """Physical channels that the scenario's plant has."""
-    return [name for name in rows.CHANNEL_NAMES if not (scenario.is_linear and name in _CABLE_CHANNELS)]
+    lacking = set(_CABLE_CHANNELS if scenario.is_linear else ())
+    if scenario.compensator is None:
+        lacking |= set(COMPENSATOR_CHANNELS)
+    return [name for name in rows.CHANNEL_NAMES if name not in lacking]

@@ -24,6 +24,8 @@ import numpy as np
 from heave_env import document
 from heave_env.parameters import (
     Cable,
+    Compensator,
+    Draw,
     LinearPayload,
     Payload,
     PayOut,
@@ -38,12 +40,44 @@ from heave_env.parameters import (
     require_number,
 )
 from heave_env.rao import table_path
-from heave_env.sensors import CHANNELS, INFORMATION_SETS, Sensor
+from heave_env.sensors import (
+    CABLE_CHANNELS,
+    CHANNELS,
+    COMPENSATOR_CHANNELS,
+    INFORMATION_SETS,
+    Sensor,
+)
 from heave_env.spectra import modal_omega
 from heave_env.task import Task
 from heave_env.vessel import boom_tip_lines, boom_tip_size
 
 STARTS = ("hanging", "compensated")
+DRAWN_PARTS = (
+    "sea_state",
+    "vessel",
+    "winch",
+    "compensator",
+    "cable",
+    "payload",
+    "linear_payload",
+    "pay_out",
+    "length",
+    "sensors",
+)
+"""Parts of a scenario whose numbers may be uncertain."""
+NOT_DRAWN = (
+    "n_components",
+    "command_range",
+    "delay",
+    "scale",
+    "offset",
+    "scale_error",
+    "bias",
+    "interval",
+    "dropout",
+    "high_pass_omega",
+)
+"""Numbers of theirs that may not: they say how much there is, or what actions and observations mean."""
 DEFAULT_HISTORY_LAGS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
 """Control steps back whose measurements `sensors_history` holds."""
 
@@ -87,6 +121,7 @@ class Scenario:
     """The vessel by a table of responses, in place of `vessel`: what heave, roll and pitch make of the boom
     tip; null for none."""
     winch: Winch
+    compensator: Compensator | None = None
     cable: Cable | None = None
     payload: Payload | None = None
     linear_payload: LinearPayload | None = None
@@ -99,11 +134,14 @@ class Scenario:
     sensors: tuple[Sensor, ...]
     """Measured channels, in the order of the observation."""
     task: Task
+    uncertainty: tuple[Draw, ...] = ()
+    """Numbers that each episode draws for its plant; controllers are designed from those above."""
 
     def __post_init__(self) -> None:
         self._check_clock()
         self._check_plant()
         self._check_sensors()
+        self._check_uncertainty()
 
     def _check_clock(self) -> None:
         require(
@@ -143,6 +181,15 @@ class Scenario:
             require(self.pay_out.speed == 0.0, self, "pay_out", "at rest with a linear_payload")
             require(self.task.landing_depth is None, self.task, "landing_depth", "null with a linear_payload")
             require(self.task.tension_limit is None, self.task, "tension_limit", "null with a linear_payload")
+            require(
+                self.compensator is None,
+                self,
+                "compensator",
+                "null with a linear_payload, which has no tension",
+            )
+            for limit in ("power_limit", "torque_limit"):
+                without = "null with a linear_payload, which has no tension"
+                require(getattr(self.winch, limit) is None, self.winch, limit, without)
         else:
             require(self.payload is not None, self, "payload", "given with a cable")
             require_number(self.payload, "submerged_weight", positive=True)
@@ -204,7 +251,17 @@ class Scenario:
                     f"Sensor.delay must be a whole number of control steps of {self.control_dt:g} s, "
                     f"got {sensor.delay!r}"
                 )
-            if self.cable is None and sensor.channel in ("sheave_tension", "length"):
+            if sensor.interval is not None and whole_number_of(sensor.interval, self.control_dt) is None:
+                raise ValueError(
+                    f"Sensor.interval must be a whole number of control steps of {self.control_dt:g} s, "
+                    f"got {sensor.interval!r}"
+                )
+            if self.compensator is None and sensor.channel in COMPENSATOR_CHANNELS:
+                raise ValueError(
+                    f"Sensor.channel {sensor.channel!r} contradicts compensator, which is null: give one, or "
+                    "leave the sensor out"
+                )
+            if self.cable is None and sensor.channel in CABLE_CHANNELS:
                 raise ValueError(
                     f"Sensor.channel {sensor.channel!r} contradicts linear_payload: that plant has no cable"
                 )
@@ -217,6 +274,56 @@ class Scenario:
             "history_lags",
             "increasing whole numbers of control steps, not negative",
         )
+
+    def _check_uncertainty(self) -> None:
+        paths = [draw.parameter for draw in self.uncertainty]
+        for draw in self.uncertainty:
+            path = draw.parameter
+            part = path.split(".")[0]
+            if paths.count(path) > 1:
+                raise ValueError(f"Scenario.uncertainty draws {path!r} twice; draw it once")
+            if part not in DRAWN_PARTS or path.rsplit(".", 1)[-1] in NOT_DRAWN:
+                raise ValueError(
+                    f"Scenario.uncertainty cannot draw {path!r}; it may draw numbers of "
+                    f"{', '.join(DRAWN_PARTS)}, but no {', no '.join(NOT_DRAWN)}"
+                )
+            if self.sea_state.kind == "recorded" and part in ("sea_state", "vessel"):
+                raise ValueError(
+                    f"Scenario.uncertainty cannot draw {path!r}, since sea_state.kind is recorded: the "
+                    "recording is what it is"
+                )
+            if part == "compensator" and self.compensator is None:
+                raise ValueError(f"Scenario.uncertainty cannot draw {path!r}, since compensator is null")
+            if part == "vessel" and self.vessel is None:
+                raise ValueError(f"Scenario.uncertainty cannot draw {path!r}, since vessel is null")
+            if part == "sensors" and self.information_set == "full_state":
+                raise ValueError(
+                    f"Scenario.uncertainty cannot draw {path!r} with information_set full_state, which has "
+                    "no sensors"
+                )
+            for end in (draw.low, draw.high):
+                try:
+                    self.with_drawn({path: end})
+                except ValueError as error:
+                    raise ValueError(f"Scenario.uncertainty of {path!r} reaches {end!r}: {error}") from error
+
+    def with_drawn(self, values: dict[str, float]) -> Scenario:
+        """The scenario of one episode: the given numbers in place of its own, and none uncertain.
+
+        A command delay is rounded to whole solver steps.
+        """
+        mapping = to_mapping(self)
+        mapping["uncertainty"] = []
+        for path, value in values.items():
+            if path == "winch.command_delay":
+                value = round(value / self.solver_dt) * self.solver_dt
+            document.put(mapping, path, value)
+        return from_mapping(mapping)
+
+    @property
+    def varies(self) -> frozenset[str]:
+        """Parts of the scenario of which an episode draws a number."""
+        return frozenset(draw.parameter.split(".")[0] for draw in self.uncertainty)
 
     # The clock -----------------------------------------------------------------------------------
 
@@ -239,6 +346,15 @@ class Scenario:
     def n_pending(self) -> int:
         """Commands given but not yet fully arrived at the winch at a control instant [-]."""
         return -(-self.delay_substeps // self.n_substeps)
+
+    @property
+    def n_shown_pending(self) -> int:
+        """Pending commands that the observation holds: those of the longest delay that may be drawn [-]."""
+        longest = max(
+            [self.winch.command_delay]
+            + [draw.high for draw in self.uncertainty if draw.parameter == "winch.command_delay"]
+        )
+        return -(-round(longest / self.solver_dt) // self.n_substeps)
 
     # The plant -----------------------------------------------------------------------------------
 
@@ -315,6 +431,9 @@ class Scenario:
                 return sensor.scale, sensor.offset
         if channel == "sheave_tension":
             return 0.1 * self.static_tension, self.static_tension
+        if channel in COMPENSATOR_CHANNELS and self.compensator is not None:
+            rate = modal_omega(self.sea_state) if channel.endswith("rate") else 1.0
+            return 0.5 * self.compensator.stroke * rate, 0.0
         if channel == "length":
             return max(self.initial_length, 1.0), self.initial_length
         rate = modal_omega(self.sea_state) if channel.endswith("rate") else 1.0
@@ -335,7 +454,8 @@ class Scenario:
             channels = [
                 channel
                 for channel in CHANNELS
-                if not (self.is_linear and channel in ("sheave_tension", "length"))
+                if not (self.is_linear and channel in CABLE_CHANNELS)
+                and not (channel in COMPENSATOR_CHANNELS and self.compensator is None)
                 and not (channel == "length" and self.pay_out.speed == 0.0)
             ]
             bare = [Sensor(channel=channel) for channel in channels]
@@ -357,16 +477,24 @@ class Scenario:
         """Wave-filter states at the observation's end but for the pending commands [-]."""
         return self.n_filter_states if self.information_set == "full_state" else 0
 
+    @property
+    def observed_draws(self) -> tuple[str, ...]:
+        """Drawn parameters in the observation, each -1 to 1 over its range: all of them in full_state."""
+        if self.information_set != "full_state":
+            return ()
+        return tuple(draw.parameter for draw in self.uncertainty)
+
     @cached_property
     def observation_names(self) -> tuple[str, ...]:
-        """One name per entry of the observation: lag by lag the channels, filter states, commands."""
+        """One name per entry of the observation: lag by lag the channels, filter states, draws, commands."""
         names = [
             sensor.channel if lag == 0 else f"{sensor.channel}[-{lag}]"
             for lag in self.observed_lags
             for sensor in self.observed_sensors
         ]
         names += [f"filter_state_{i}" for i in range(self.observed_filter_states)]
-        names += [f"pending_command_{i + 1}" for i in range(self.n_pending)]
+        names += [f"drawn_{path}" for path in self.observed_draws]
+        names += [f"pending_command_{i + 1}" for i in range(self.n_shown_pending)]
         return tuple(names)
 
     # Identity ------------------------------------------------------------------------------------
@@ -380,13 +508,24 @@ class Scenario:
         for part, keys in _ACROSS.items():
             for key in keys if content[part] is not None else ():
                 content[part].pop(key)
-        _leave_out_defaults(self.sea_state, content["sea_state"], _SEA_SINCE)
         if self.vessel_table is None:
             content.pop("vessel_table")
         else:
             content["vessel_table"]["table"] = _digest(table_path(self.vessel_table))
         if self.sea_state.spectrum_file is not None:
             content["sea_state"]["spectrum_file"] = _digest(Path(self.sea_state.spectrum_file))
+        # What came later says nothing while it is off, so that older results keep their fingerprint.
+        for part, (kind, added) in _LATER.items():
+            place = content[part] if part else content
+            defaults = {item.name: item.default for item in dataclasses.fields(kind)}
+            for key in added if place is not None else ():
+                if place[key] == defaults[key] or place[key] == []:
+                    place.pop(key)
+        plain = {item.name: item.default for item in dataclasses.fields(Sensor)}
+        for sensor in content["sensors"]:
+            for key in ("scale_error", "bias", "interval", "dropout", "high_pass_omega"):
+                if sensor[key] == plain[key]:
+                    sensor.pop(key)
         canonical = json.dumps(content, sort_keys=True)
         return hashlib.sha256(canonical.encode()).hexdigest()[:16]
 
@@ -401,27 +540,41 @@ _ACROSS = {
     "payload": ("lateral_added_mass", "lateral_drag_area"),
 }
 """What only motion across the cable asks for, which this plant does not have."""
-_SEA_SINCE = (
-    "spectrum",
-    "peak_enhancement",
-    "shape",
-    "second_wave_height",
-    "second_peak_omega",
-    "second_shape",
-    "spectrum_file",
-    "spectrum_reader",
-    "spectrum_record",
-    "filter",
-    "filter_order",
-)
-"""Keys that came later: at their default they leave a fingerprint as it was before."""
-
-
-def _leave_out_defaults(parameters: object, content: dict[str, Any], keys: tuple[str, ...]) -> None:
-    fields = type(parameters).__dataclass_fields__  # type: ignore[attr-defined]
-    for key in keys:
-        if getattr(parameters, key) == fields[key].default:
-            content.pop(key)
+_LATER: dict[str, tuple[type, tuple[str, ...]]] = {
+    "": (Scenario, ("uncertainty", "compensator")),
+    "sea_state": (
+        SeaState,
+        (
+            "spectrum",
+            "peak_enhancement",
+            "shape",
+            "second_wave_height",
+            "second_peak_omega",
+            "second_shape",
+            "spectrum_file",
+            "spectrum_reader",
+            "spectrum_record",
+            "filter",
+            "filter_order",
+        ),
+    ),
+    "winch": (
+        Winch,
+        (
+            "natural_omega",
+            "damping_ratio",
+            "command_step",
+            "dead_band",
+            "power_limit",
+            "torque_limit",
+            "drum_radius",
+            "drum_inertia",
+            "efficiency",
+            "regeneration",
+        ),
+    ),
+}
+"""Keys by part, with the class that knows their defaults, that scenarios have gained since version 0.1."""
 
 
 def _digest(path: Path) -> str:

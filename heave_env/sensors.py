@@ -7,6 +7,7 @@ as fractions of the command range, the most recent first.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 from heave_env.parameters import require, require_number
@@ -23,15 +24,24 @@ CHANNELS: dict[str, str] = {
     "winch_rate": "m/s",
     "sheave_tension": "N",
     "length": "m",
+    "compensator_displacement": "m",
+    "compensator_rate": "m/s",
 }
 """Channels that a sensor can read, with their units."""
+CABLE_CHANNELS = ("sheave_tension", "length", "compensator_displacement", "compensator_rate")
+"""Those that only a plant with a cable has."""
+COMPENSATOR_CHANNELS = ("compensator_displacement", "compensator_rate")
+"""Those that only a plant with a passive compensator has."""
 
 INFORMATION_SETS = ("full_state", "sensors", "sensors_history")
 
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
-    """One measured channel: (true value + noise) of `delay` seconds ago, scaled."""
+    """One measured channel: (true value + noise) of `delay` seconds ago, scaled.
+
+    In order: high-pass, scale error and bias, noise, what interval and drop-outs hold back, delay.
+    """
 
     channel: str
     """Which of `CHANNELS` is read."""
@@ -46,6 +56,18 @@ class Sensor:
     """Spectral density of the white noise [unit² s]; adds density / control_dt to a sample's variance."""
     delay: float = 0.0
     """Age of the value read [s]; a multiple of the control step."""
+    scale_error: float = 0.0
+    """Standard deviation of the share by which it reads too much, drawn for each episode [-]."""
+    bias: float = 0.0
+    """Standard deviation of its constant error, drawn for each episode [unit of the channel]."""
+    interval: float | None = None
+    """Time between readings, each held until the next [s]; a multiple of the control step; null: every
+    control step."""
+    dropout: float = 0.0
+    """Probability that a reading is lost and the last one stays [-]."""
+    high_pass_omega: float | None = None
+    """Corner of a second-order high-pass, damping 0.7, as motion reference units have, which find heave by
+    integrating twice [rad/s]; null: none."""
 
     def __post_init__(self) -> None:
         require(self.channel in CHANNELS, self, "channel", f"one of {', '.join(CHANNELS)}")
@@ -54,7 +76,52 @@ class Sensor:
         require_number(self, "noise_std", non_negative=True)
         require_number(self, "noise_density", non_negative=True)
         require_number(self, "delay", non_negative=True)
+        require_number(self, "scale_error", non_negative=True)
+        require_number(self, "bias", non_negative=True)
+        require_number(self, "interval", positive=True, optional=True)
+        require_number(self, "dropout", non_negative=True)
+        require(self.dropout < 1.0, self, "dropout", "a probability below 1")
+        require_number(self, "high_pass_omega", positive=True, optional=True)
+
+    @property
+    def is_plain(self) -> bool:
+        """Whether noise, scale and delay are all that stands between truth and reading."""
+        errors = (self.scale_error, self.bias, self.dropout)
+        return errors == (0.0, 0.0, 0.0) and self.interval is None and self.high_pass_omega is None
 
     def sample_std(self, control_dt: float) -> float:
         """Standard deviation of one sample's noise [unit of the channel]."""
         return float((self.noise_std**2 + self.noise_density / control_dt) ** 0.5)
+
+
+HIGH_PASS_DAMPING = 0.7
+"""Damping ratio of a heave filter [-]."""
+
+
+def motion_reference_unit(delay: float = 0.1) -> tuple[Sensor, ...]:
+    """Boom-tip heave and its rate as a good motion reference unit gives them.
+
+    Data sheets say 5 cm or 5 %, whichever is more; taken as two standard deviations, half of it as noise,
+    half as scale error of the whole episode. Its heave filter has a period of 60 s. It reads at 100 Hz or
+    more, so at every control step.
+    """
+    high_pass = 2.0 * math.pi / 60.0
+    return tuple(
+        Sensor(channel=channel, noise_std=0.0125, scale_error=0.0125, high_pass_omega=high_pass, delay=delay)
+        for channel in ("boom_tip_heave", "boom_tip_heave_rate")
+    )
+
+
+def acoustic_depth() -> Sensor:
+    """Payload heave by acoustics or pressure: one reading a second, a second old, one in twenty lost."""
+    return Sensor(channel="payload_heave", noise_std=0.02, interval=1.0, delay=1.0, dropout=0.05)
+
+
+def winch_encoder() -> Sensor:
+    """Winch displacement counted at the drum, good to a millimetre."""
+    return Sensor(channel="winch_displacement", noise_std=0.001)
+
+
+def load_cell(full_scale: float) -> Sensor:
+    """Sheave tension from a load pin: noise of 0.25 % of full scale [N], scale error of 0.5 %."""
+    return Sensor(channel="sheave_tension", noise_std=0.0025 * full_scale, scale_error=0.005)

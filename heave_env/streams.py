@@ -13,7 +13,7 @@ from __future__ import annotations
 import math
 
 import numpy as np
-from numba import types
+from numba import njit, types
 from numba.extending import intrinsic
 
 from heave_env.compiled import stage
@@ -70,6 +70,15 @@ def philox(seed, episode, stream, step, index):
 def uniform(word):
     """A number in (0, 1) from a 32-bit word."""
     return (float(np.int64(word)) + 0.5) * 2.0**-32
+
+
+@njit(error_model="numpy")
+def uniform_number(seed, episode, stream, index):
+    """A number in (0, 1) at an address, outside any step."""
+    a, _, _, _ = philox(
+        np.uint64(seed), np.uint64(episode), np.uint64(stream), np.uint64(0), np.uint64(index)
+    )
+    return uniform(a)
 
 
 @stage

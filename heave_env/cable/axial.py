@@ -252,7 +252,7 @@ def _begin_step(S, n_elements, n_lanes):
 
 
 @stage
-def _end_step(S, at, n_elements, n_lanes):
+def cable_move(S, at, n_elements, n_lanes):
     """Moves the nodes on by twice their increments to mid-step."""
     real = S.dtype.type
     two = real(2.0)
@@ -268,6 +268,16 @@ def _end_step(S, at, n_elements, n_lanes):
 
 
 @stage
+def cable_solve(S, at, n_elements, n_iterations, n_lanes, dt, tension_only):
+    """Finds what every node gains in one solver step and leaves it in `INCREMENT`; nothing has moved yet."""
+    _begin_step(S, n_elements, n_lanes)
+    for iteration in range(n_iterations):
+        _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, iteration == 0)
+        _forward_pass(S, at, n_elements, n_lanes, dt, iteration == 0)
+        _backward_pass(S, at, n_elements, n_lanes, dt)
+
+
+@stage
 def cable_step(S, at, n_elements, n_iterations, n_lanes, dt, tension_only):
     """Advances cable and payload by one solver step.
 
@@ -276,12 +286,21 @@ def cable_step(S, at, n_elements, n_iterations, n_lanes, dt, tension_only):
     computed, the compiler would test the rows of all nodes at once for overlap, which rows that lie
     between each other fail, and run the scalar loops.
     """
-    _begin_step(S, n_elements, n_lanes)
-    for iteration in range(n_iterations):
-        _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, iteration == 0)
-        _forward_pass(S, at, n_elements, n_lanes, dt, iteration == 0)
-        _backward_pass(S, at, n_elements, n_lanes, dt)
-    _end_step(S, at, n_elements, n_lanes)
+    cable_solve(S, at, n_elements, n_iterations, n_lanes, dt, tension_only)
+    cable_move(S, at, n_elements, n_lanes)
+
+
+@stage
+def solved_sheave_tension(S, at, n_elements, lane, tension_only):
+    """Tension at the sheave over the step that `cable_solve` found, linear through the nearest elements."""
+    real = S.dtype.type
+    here, beyond = at[0], at[min(1, n_elements - 1)]
+    nearest = row(S, here + N_NODE_FIELDS + INCREMENT)[lane] - row(S, here + INCREMENT)[lane]
+    second = row(S, beyond + N_NODE_FIELDS + INCREMENT)[lane] - row(S, beyond + INCREMENT)[lane]
+    nearest = row(S, here + ELEMENT_TENSION)[lane] + row(S, here + ELEMENT_STIFFNESS)[lane] * nearest
+    second = row(S, beyond + ELEMENT_TENSION)[lane] + row(S, beyond + ELEMENT_STIFFNESS)[lane] * second
+    tension = real(1.5) * nearest - real(0.5) * second
+    return max(tension, real(0.0)) if tension_only else tension
 
 
 @stage
@@ -309,7 +328,7 @@ def _settled_step(S, at, n_elements, n_iterations, dt, tension_only, trial):
             change /= fastest
             if iteration + 1 >= n_iterations and change <= _SETTLED:
                 break
-    _end_step(S, at, n_elements, 1)
+    cable_move(S, at, n_elements, 1)
     return change
 
 
