@@ -1,4 +1,4 @@
-"""Designed controllers: regulators, the stochastic-optimal controller, their models and their bound."""
+"""Designed controllers: regulators, feed-forward, optimal and predictive control; their models and bounds."""
 
 from __future__ import annotations
 
@@ -6,21 +6,48 @@ from collections.abc import Callable
 from typing import Any
 
 from baselines.delay_lqr import delay_lqr
+from baselines.feedforward import feedforward, feedforward_prediction
 from baselines.linear_controller import LinearController
 from baselines.lqg import lqg
 from baselines.lqr import lqr
+from baselines.mpc import mpc, mpc_l1
+from baselines.peaks import feedforward_peaks
+from baselines.pid import pid
 from baselines.tuning import tuned
 from heave_env.controller import NoControl
 from heave_env.scenarios import Scenario
 
-__all__ = ["CONTROLLERS", "DESIGNERS", "LinearController", "NoControl", "delay_lqr", "design", "lqg", "lqr"]
+__all__ = [
+    "CONTROLLERS",
+    "DESIGNERS",
+    "LinearController",
+    "NoControl",
+    "delay_lqr",
+    "design",
+    "feedforward",
+    "feedforward_peaks",
+    "feedforward_prediction",
+    "lqg",
+    "lqr",
+    "mpc",
+    "mpc_l1",
+    "pid",
+]
 
 DESIGNERS: dict[str, Callable[..., LinearController]] = {
+    "pid": pid,
     "lqr": lqr,
     "delay_lqr": delay_lqr,
+    "feedforward": feedforward,
+    "feedforward_prediction": feedforward_prediction,
+    "feedforward_peaks": feedforward_peaks,
     "lqg": lqg,
+    "mpc": mpc,
+    "mpc_l1": mpc_l1,
 }
-"""Functions that design a controller for a scenario from given weights, by the controller's name."""
+"""Functions that design a controller for a scenario, by the controller's name."""
+TUNED = ("pid", "lqr", "delay_lqr", "lqg", "mpc", "mpc_l1")
+"""Designs with weights (or a bandwidth) that are tuned where the plant is more than the linear model."""
 CONTROLLERS = ("none", *DESIGNERS)
 """Names that `design` knows."""
 
@@ -44,4 +71,6 @@ def design(name: str, scenario: Scenario, **options: Any) -> Any:
         return NoControl()
     if name not in DESIGNERS:
         raise ValueError(f"unknown controller {name!r}; known: {', '.join(CONTROLLERS)}")
+    if name not in TUNED:
+        return DESIGNERS[name](scenario, **options)
     return tuned(name, DESIGNERS[name], scenario, **options)

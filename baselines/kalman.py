@@ -168,7 +168,48 @@ def kalman_filter(scenario: Scenario, *, mismatch: float = 1.0) -> KalmanFilter:
             f"scenario {scenario.name!r} measures nothing that a linear filter can use; add a sensor of "
             f"{', '.join(MODELLED_CHANNELS)}"
         )
-    model = linear_model(scenario, mismatch=mismatch).select(outputs)
+    return filter_on(scenario, linear_model(scenario, mismatch=mismatch).select(outputs))
+
+
+def boom_tip_kalman_filter(scenario: Scenario) -> KalmanFilter:
+    """Designs the filter that knows nothing but the sea, the vessel, and what is measured of the boom tip.
+
+    Its model has the winch and the commands under way beside the boom tip, and no payload.
+
+    Raises:
+        ValueError: If the sea is calm, or the boom tip is not measured.
+    """
+    outputs = tuple(
+        name for name in filter_outputs(scenario) if name.startswith(("boom_tip", "filter_state"))
+    )
+    if not outputs:
+        raise ValueError(
+            f"scenario {scenario.name!r} does not measure the boom tip (its newest measurements: "
+            f"{', '.join(measured_channels(scenario))}); add a sensor of boom_tip_heave"
+        )
+    whole = linear_model(scenario).select(outputs)
+    kept = [i for i, name in enumerate(whole.states) if not name.startswith("payload_heave")]
+    square = np.ix_(kept, kept)
+    model = replace(
+        whole,
+        A=whole.A[square],
+        B=whole.B[kept],
+        C=whole.C[:, kept],
+        W=whole.W[square],
+        states=tuple(whole.states[i] for i in kept),
+        thesis_sizes=whole.thesis_sizes[kept],
+        start_covariance=whole.start_covariance[square],
+    )
+    return filter_on(scenario, model)
+
+
+def measured_channels(scenario: Scenario) -> tuple[str, ...]:
+    """Entries of the observation that are newest samples of channels."""
+    return tuple(sensor.channel for sensor in scenario.observed_sensors)
+
+
+def filter_on(scenario: Scenario, model: LinearModel) -> KalmanFilter:
+    """The filter on a model of the scenario, seen through the outputs to be used."""
     if scenario.observed_filter_states:
         # Filter states have no sensor: they are seen exactly, but for the floor.
         model = replace(model, V=np.diag(np.maximum(np.diag(model.V), noise_floor(scenario) ** 2)))

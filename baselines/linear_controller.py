@@ -147,11 +147,11 @@ def controller(
     G: Array | None = None,
     H: Array | None = None,
     L: Array | None = None,
-    gain: Array,
-    states: tuple[str, ...],
-    energy_index: float,
+    gain: Array | None = None,
+    states: tuple[str, ...] = (),
+    energy_index: float | None = None,
     truth: LinearModel | None,
-    command_weight: float,
+    command_weight: float | None = None,
 ) -> LinearController:
     """Puts a linear controller together for a scenario and adds what theory predicts of it.
 
@@ -160,11 +160,11 @@ def controller(
         scenario: The operation, whose observation it will read.
         measures: Entries of the observation that make y.
         D, F, G, H, L: Matrices of the controller; without memory D alone.
-        gain: The design's feedback gain, (1, n_states).
+        gain: The design's feedback gain, (1, n_states), if it has one.
         states: Names of the states the gain acts on.
-        energy_index: sqrt(Σ G²).
+        energy_index: sqrt(Σ G²), likewise.
         truth: Linear model of the scenario to predict the performance on; None predicts nothing.
-        command_weight: r of the design [1/m²].
+        command_weight: r of the design [1/m²], if it has one.
     """
     n_y = len(measures)
     F = np.zeros((0, 0)) if F is None else F

@@ -12,11 +12,14 @@ Source: Huang (1992), 6.3.4, (6.28)-(6.31); Åström (1970), separation theorem.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, fields
 
 import numpy as np
 from scipy.linalg import solve_continuous_lyapunov
 
+from baselines.estimator import Estimator
+from baselines.estimator import estimator as limited_estimator
 from baselines.kalman import KalmanFilter, continuous_filter, kalman_filter
 from baselines.linear_controller import LinearController, controller
 from baselines.lqr import continuous_gain, design_weights, sampled_gain
@@ -48,22 +51,52 @@ class StochasticOptimal(LinearController):
         return command, np.column_stack([self.estimator.advanced(estimate, command), step + 1.0])
 
 
+@dataclass(frozen=True, eq=False)
+class LimitedStochasticOptimal(LinearController):
+    """Filter and gain in series beside a winch with limits, which the filter reckons with; the gain does not,
+    and its command is clipped. The memory is the estimator's; the matrices are those without limits."""
+
+    estimator: Estimator | None = None
+    speed_weight: float = 0.0
+    """Weight of the squared winch rate in the design [s²/m²]."""
+
+    @property
+    def n_memory(self) -> int:
+        """Numbers remembered from step to step [-]."""
+        assert self.estimator is not None
+        return self.estimator.n_memory
+
+    def respond(self, y: Array, memory: Array) -> tuple[Array, Array]:
+        """Command in metres, (n_envs, 1), and the next memory, for measurements in SI units."""
+        assert self.estimator is not None and self.gain is not None
+        estimate, rate = self.estimator.corrected(memory, y)
+        command = self.clipped(-(estimate @ self.gain.T))
+        return command, self.estimator.advanced(memory, estimate, rate, command)
+
+
 def lqg(
-    scenario: Scenario, *, command_weight: float | None = None, mismatch: float = 1.0
+    scenario: Scenario,
+    *,
+    command_weight: float | None = None,
+    speed_weight: float = 0.0,
+    mismatch: float = 1.0,
 ) -> LinearController:
     """Designs the stochastic-optimal controller for a scenario and its sensors.
 
     Args:
         scenario: The operation; its task weighs position against command.
         command_weight: r of the design [1/m²]; the task's own if not given.
+        speed_weight: Weight of the squared winch rate in the design [s²/m²]: caution where limits bite.
         mismatch: How many times the residual of the identification the model of a cable is doubted by.
 
     Raises:
         ValueError: If the sea is calm, or nothing that the model expresses is measured.
     """
     q, r = design_weights(scenario, command_weight)
+    if not (math.isfinite(speed_weight) and speed_weight >= 0.0):
+        raise ValueError(f"speed_weight must be a number, not negative, got {speed_weight!r}")
     model = linear_model(scenario)
-    gain, _ = sampled_gain(model.A, model.B, q, r)
+    gain, _ = sampled_gain(model.A, model.B, q, r, speed_weight=speed_weight / scenario.control_dt**2)
     index = model.energy_index(gain)
     if sees_everything(scenario):
         return controller(
@@ -97,6 +130,9 @@ def lqg(
         command_weight=r,
     )
     parts = {item.name: getattr(stationary, item.name) for item in fields(stationary)}
+    if scenario.winch.is_limited:
+        limited = limited_estimator(scenario, mismatch=mismatch)
+        return LimitedStochasticOptimal(**parts, estimator=limited, speed_weight=speed_weight)
     return StochasticOptimal(**parts, estimator=estimator)
 
 

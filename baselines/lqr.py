@@ -34,16 +34,33 @@ def continuous_gain(A: Array, B: Array, position_weight: float, command_weight: 
     return np.asarray(B.T @ M / command_weight)
 
 
-def sampled_gain(A: Array, B: Array, position_weight: float, command_weight: float) -> tuple[Array, Array]:
+def sampled_gain(
+    A: Array, B: Array, position_weight: float, command_weight: float, *, speed_weight: float = 0.0
+) -> tuple[Array, Array]:
     """Gain K of u0_k = -K s_k that minimises E[q x² + r u0²], x being the first state, and the cost matrix.
+
+    Args:
+        A: Transition, (n, n).
+        B: Command input, (n, 1).
+        position_weight: q [1/m²].
+        command_weight: r [1/m²].
+        speed_weight: Added to the cost, times the squared displacement over a step of the winch, which is the
+            third state [1/m²]: what a speed limit may not allow is then not asked for.
 
     Returns:
         K (1, n) and S (n, n), the solution of the discrete Riccati equation.
     """
     Q = np.zeros_like(A)
     Q[0, 0] = position_weight
-    S = solve_discrete_are(A, B, Q, np.array([[command_weight]]))
-    K = np.linalg.solve(command_weight + B.T @ S @ B, B.T @ S @ A)
+    R, cross = np.array([[command_weight]]), None
+    if speed_weight:
+        moved, given = A[2] - np.eye(len(A))[2], B[2]
+        Q += speed_weight * np.outer(moved, moved)
+        R = R + speed_weight * np.outer(given, given)
+        cross = speed_weight * np.outer(moved, given)
+    S = solve_discrete_are(A, B, Q, R, s=cross)
+    towards = B.T @ S @ A if cross is None else B.T @ S @ A + cross.T
+    K = np.linalg.solve(R + B.T @ S @ B, towards)
     return np.asarray(K), np.asarray(S)
 
 

@@ -379,7 +379,7 @@ def linear_model(
         if scenario.start == "compensated":
             # The winch is where the boom tip is not, and the commands under way have kept it moving there.
             still[2] = -waves.C[0]
-            still[3 : 3 + n_pending] = -(waves.C[0] + waves.C[1] * scenario.winch.time_constant)
+            still[3 : 3 + n_pending] = -(waves.C[0] + waves.C[1] * scenario.winch.lag)
         else:
             # Hanging still: the payload stands where the boom tip is.
             still[0] = waves.C[0]

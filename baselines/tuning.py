@@ -4,7 +4,13 @@ A cable has waves of its own, quadratic drag and perhaps slack and changing leng
 there a gain from the task's own weights, optimal on the linear model, may drive the plant into a limit cycle
 (the thesis's 900 m cable has a second mode at 5.2 rad/s that the second-order model does not know). Beating
 such a controller would prove nothing. The design's command weight is therefore raised from the task's own to
-the one that costs least on training seas, and a filter's doubt of its model likewise.
+the one that costs least on training seas, and a filter's doubt of its model likewise. Where the winch has
+limits, `lqg` and `mpc` also get a weight on the winch's speed: it keeps a design that knows no limits from
+asking for what they do not allow, and one that knows them from trusting its forecast to the last.
+
+`mpc` takes the doubt of its filter from `lqg` (both have the same filter), and without limits all of its
+weights, since it is then the same controller; `mpc_l1` takes all of its weights from `mpc`. `pid` has no
+weights: its bandwidth is lowered likewise.
 
 On a linear scenario without limits nothing is tuned: the theory's own weights are best.
 """
@@ -20,7 +26,9 @@ import numpy as np
 
 from baselines.identification import CALM_SEA
 from baselines.linear_controller import LinearController
+from baselines.lqg import lqg
 from baselines.model import nominal_sea
+from baselines.mpc import mpc
 from heave_env.kernel import DIVERGED, LANDED, LOST
 from heave_env.plant import Plant
 from heave_env.scenarios import Scenario
@@ -32,14 +40,25 @@ WEIGHT_FACTORS = (100.0, 10.0, 1000.0, 1.0, 1e4)
 MISMATCH_FACTORS = (1.0, 0.1, 10.0, 0.01, 100.0)
 """Multiples of a filter's doubt of its model that are tried with each [-]."""
 CAUTION = 1.15
-"""Of the choices within this factor of the least cost, the one with the largest weight is taken, then that
-with the largest doubt [-]: the least may lie on the brink of a limit cycle that other seas set off."""
+"""On a cable, of the choices within this factor of the least cost the one with the largest weights is taken,
+then that with the largest doubt [-]: the least may lie on the brink of a limit cycle that other seas set
+off."""
+SPEED_FACTORS = (0.0, 0.1, 0.3, 1.0, 3.0)
+"""Weights of the winch's speed that are tried where it has limits, times the position weight [s²]."""
+WEIGHTS_WITH_SPEED = (1.0, 10.0, 100.0)
+"""Multiples of the command weight that are tried with each [-]."""
+PREDICTIVE_WEIGHTS = ((1.0, 0.3), (1.0, 0.1), (1.0, 1.0), (10.0, 0.3), (1.0, 0.0))
+"""Multiples of the command weight [-] and of the position weight [s²] that are tried for `mpc`."""
+BANDWIDTHS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18)
+"""Shares of the rule's bandwidth that are tried for `pid` [-]."""
 WARM_UP = 100.0
 """Seconds that do not count [s]; a quarter of a shorter episode."""
 LONGEST = 250.0
 """Seconds simulated at most [s], unless cable is paid out all the while."""
 
 Designer = Callable[..., LinearController]
+Choice = tuple[float, float, float]
+"""Factor of the command weight [-], factor of the speed weight [s²], doubt of the model [-]."""
 _CACHE: dict[tuple[str, str, tuple[tuple[str, Any], ...]], dict[str, float]] = {}
 
 
@@ -84,48 +103,103 @@ def training_cost(scenario: Scenario, controller: LinearController, *, limit: fl
 
 
 def tuned(name: str, designer: Designer, scenario: Scenario, **options: Any) -> LinearController:
-    """Designs a controller with the command weight (and doubt of the model) that costs least in training.
+    """Designs a controller with the weights (and doubt of the model) that cost least in training.
 
     Args:
         name: The design's name, under which its weights are remembered within the process.
-        designer: Takes scenario, command_weight and, for `lqg`, mismatch.
+        designer: Takes scenario and command_weight; `lqg` and `mpc` also speed_weight and mismatch; `pid` a
+            share of its bandwidth instead.
         scenario: The operation.
-        options: Passed on to the designer; a command_weight among them is used as it is.
+        options: Passed on to the designer; a weight among them is used as it is, and nothing is tuned.
     """
-    if not needs_tuning(scenario) or "command_weight" in options:
+    if not needs_tuning(scenario) or {"command_weight", "bandwidth"} & set(options):
         return designer(scenario, **options)
+    return designer(scenario, **{**tuned_weights(name, designer, scenario, options), **options})
+
+
+def tuned_weights(
+    name: str, designer: Designer, scenario: Scenario, options: dict[str, Any]
+) -> dict[str, float]:
+    """The options that cost least in training, found once per process."""
     key = (name, scenario.fingerprint, tuple(sorted(options.items())))
     if key not in _CACHE:
-        _CACHE[key] = _search(name, designer, scenario, options)
-    return designer(scenario, **{**options, **_CACHE[key]})
+        if name in ("mpc", "mpc_l1"):
+            _CACHE[key] = _predictive_weights(name, scenario)
+        elif name == "pid":
+            _CACHE[key] = _bandwidth(designer, scenario, options)
+        else:
+            _CACHE[key] = _search(name, designer, scenario, options)
+    return _CACHE[key]
 
 
 def _search(name: str, designer: Designer, scenario: Scenario, options: dict[str, Any]) -> dict[str, float]:
     operation = tuning_scenario(scenario)
-    own = scenario.task.command_weight
-    doubts = MISMATCH_FACTORS if name == "lqg" and "mismatch" not in options else (None,)
-    costs: dict[tuple[float, float | None], float] = {}
+    q, r = scenario.task.position_weight, scenario.task.command_weight
+    estimates = name == "lqg"
+    doubts = (
+        MISMATCH_FACTORS if estimates and not scenario.is_linear and "mismatch" not in options else (1.0,)
+    )
+    caution = 1.0 if scenario.is_linear else CAUTION
+    costs: dict[Choice, float] = {}
 
-    def attempt(factor: float, doubt: float | None) -> None:
-        trial = _choice(factor * own, doubt)
-        controller = designer(scenario, **{**options, **trial})
-        limit = CAUTION * min(costs.values(), default=math.inf)
-        costs[factor, doubt] = training_cost(operation, controller, limit=limit)
+    def weights(choice: Choice) -> dict[str, float]:
+        chosen = {"command_weight": choice[0] * r}
+        if not estimates:
+            return chosen
+        return chosen | {"speed_weight": choice[1] * q, "mismatch": choice[2]}
+
+    def attempt(*choice: float) -> None:
+        trial = (choice[0], choice[1], choice[2])
+        controller = designer(scenario, **{**weights(trial), **options})
+        limit = caution * min(costs.values(), default=math.inf)
+        costs[trial] = training_cost(operation, controller, limit=limit)
+
+    def best() -> Choice:
+        return min(costs, key=lambda trial: costs[trial])
 
     for factor in WEIGHT_FACTORS:
         for doubt in doubts:
-            attempt(factor, doubt)
+            attempt(factor, 0.0, doubt)
+    if estimates and scenario.winch.is_limited and "speed_weight" not in options:
+        doubt = best()[2]
+        for speed in SPEED_FACTORS[1:]:
+            for factor in WEIGHTS_WITH_SPEED:
+                attempt(factor, speed, doubt)
+        for power in (0.5, 0.25):
+            factor, speed, doubt = best()
+            for neighbour in (speed * 10.0**-power, speed * 10.0**power):
+                attempt(factor, neighbour, doubt)
     for power in (0.5, 0.25):
-        middle, doubt = min(costs, key=lambda trial: costs[trial])
+        middle, speed, doubt = best()
         for factor in (middle * 10.0**-power, middle * 10.0**power):
             if factor >= 1.0:
-                attempt(factor, doubt)
-    enough = CAUTION * min(costs.values())
-    factor, doubt = max(
-        (trial for trial in costs if costs[trial] <= enough), key=lambda t: (t[0], t[1] or 0.0)
-    )
-    return _choice(factor * own, doubt)
+                attempt(factor, speed, doubt)
+    enough = caution * min(costs.values())
+    return weights(max(trial for trial in costs if costs[trial] <= enough))
 
 
-def _choice(command_weight: float, doubt: float | None) -> dict[str, float]:
-    return {"command_weight": command_weight} | ({} if doubt is None else {"mismatch": doubt})
+def _predictive_weights(name: str, scenario: Scenario) -> dict[str, float]:
+    if name == "mpc_l1":
+        return tuned_weights("mpc", mpc, scenario, {})
+    of_filter = tuned_weights("lqg", lqg, scenario, {})
+    if not scenario.winch.is_limited:
+        return of_filter
+    operation = tuning_scenario(scenario)
+    q, r = scenario.task.position_weight, scenario.task.command_weight
+    least, chosen = math.inf, dict(of_filter)
+    for factor, speed in PREDICTIVE_WEIGHTS:
+        trial = of_filter | {"command_weight": factor * r, "speed_weight": speed * q}
+        cost = training_cost(operation, mpc(scenario, **trial), limit=least)
+        if cost < least:
+            least, chosen = cost, trial
+    return chosen
+
+
+def _bandwidth(designer: Designer, scenario: Scenario, options: dict[str, Any]) -> dict[str, float]:
+    operation = tuning_scenario(scenario)
+    least, chosen = math.inf, BANDWIDTHS[-1]
+    for share in BANDWIDTHS:
+        cost = training_cost(operation, designer(scenario, bandwidth=share, **options), limit=least)
+        if cost < least:
+            least, chosen = cost, share
+    return {"bandwidth": chosen}

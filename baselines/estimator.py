@@ -1,0 +1,109 @@
+"""The Kalman filter beside a winch that keeps to its limits.
+
+The linear filter believes that the winch follows its lag; while a limit bites it would take what the winch
+does not do for motion of the sea. Here the drum is reckoned with its limits from the commands given
+(`baselines.winch_model`), and the payload's prior is driven by the path that the drum really takes. Without
+limits both filters are the same to rounding.
+
+Memory of a row: the prior estimate, the drum's rate, and the control steps since the episode began.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from baselines.kalman import KalmanFilter, kalman_filter
+from baselines.model import channel_row, sea_filter
+from baselines.winch_model import WinchModel, payload_forcing, winch_model
+from heave_env.scenarios import Scenario
+from heave_env.sea import Array
+
+
+@dataclass(frozen=True, eq=False)
+class Estimator:
+    """Estimates of a scenario's whole state, its winch within its limits."""
+
+    filter: KalmanFilter
+    """Filter on the linear model."""
+    winch: WinchModel
+    forcing: Array
+    """Path of the drum over a control step to payload heave and rate, (4 n_substeps, 2)."""
+    begins_compensated: bool
+    """Whether the winch is on its way when an episode begins."""
+    boom_tip_rate: Array
+    """Row that reads the boom tip's heave rate off the state, (n_states,)."""
+
+    @property
+    def n_memory(self) -> int:
+        """Numbers remembered from step to step [-]."""
+        return self.filter.model.n_states + 2
+
+    @cached_property
+    def _matrices(self) -> tuple[Array, Array]:
+        """Transition and command input without what the winch's path stands for."""
+        A, B = self.filter.model.A.copy(), self.filter.model.B.copy()
+        A[:3, 2 : 3 + self.winch.n_pending] = 0.0
+        B[:3] = 0.0
+        return A, B
+
+    def corrected(self, memory: Array, measurement: Array) -> tuple[Array, Array]:
+        """Estimate of the state and the drum's rate after a measurement.
+
+        Args:
+            memory: (n_rows, n_memory).
+            measurement: In SI units, (n_rows, n_outputs).
+
+        Returns:
+            Estimate (n_rows, n_states) and rate [m/s] (n_rows,).
+        """
+        prior, rate, step = memory[:, :-2], memory[:, -2], memory[:, -1]
+        estimate = self.filter.corrected(prior, measurement, step)
+        if self.begins_compensated and (step == 0.0).any():
+            fastest = self.winch.speed_limit
+            moving = np.clip(-(estimate @ self.boom_tip_rate), -fastest, fastest)
+            rate = np.where(step == 0.0, moving, rate)
+        return estimate, rate
+
+    def commands(self, estimate: Array, command: Array) -> Array:
+        """The command now given and those under way, newest first [m], (n_rows, 1 + n_pending)."""
+        return np.column_stack([command, estimate[:, 3 : 3 + self.winch.n_pending]])
+
+    def advanced(self, memory: Array, estimate: Array, rate: Array, command: Array) -> Array:
+        """Next memory after a command [m], (n_rows, 1)."""
+        A, B = self._matrices
+        u, v, path = self.winch.path(
+            estimate[:, 2],
+            rate,
+            self.commands(estimate, command),
+            first=0,
+            count=self.winch.n_substeps,
+        )
+        prior = estimate @ A.T + command @ B.T
+        prior[:, :2] += path @ self.forcing
+        prior[:, 2] = u
+        return np.column_stack([prior, v, memory[:, -1] + 1.0])
+
+
+def estimator(scenario: Scenario, *, mismatch: float = 1.0) -> Estimator:
+    """Designs the estimator for a scenario's sensors.
+
+    Args:
+        scenario: The operation.
+        mismatch: How many times the residual of the identification the model of a cable is doubted by.
+
+    Raises:
+        ValueError: If the sea is calm or nothing that the model expresses is measured.
+    """
+    found = kalman_filter(scenario, mismatch=mismatch)
+    row = channel_row("boom_tip_heave_rate", list(found.model.states), sea_filter(scenario))
+    assert row is not None
+    return Estimator(
+        filter=found,
+        winch=winch_model(scenario),
+        forcing=payload_forcing(scenario, scenario.n_substeps),
+        begins_compensated=scenario.start == "compensated",
+        boom_tip_rate=row,
+    )

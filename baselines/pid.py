@@ -1,0 +1,92 @@
+"""PID on the payload's heave, its derivative measured, behind a lead that takes back most of the winch's lag.
+
+    v = -(kp x + ki ∫x dt + kd x'),     u0 = (1 + s/K) / (1 + s/(N K)) v,     N = 10
+
+The lead leaves the winch ten times as quick; what then stands between v and the payload is the second-order
+model a x'' + b x' + x = x0 + v and some time T = delay + dt/2 + 1/(N K). The gains place the three poles of
+the model under this feedback:
+
+    (s + α ω)(s² + 2 ζ ω s + ω²):   kd = a (2 ζ + α) ω - b,   kp = a ω² (1 + 2 ζ α) - 1,   ki = a α ω³
+
+with ζ = 0.7, α = 0.1 (a slow integral), and ω T = 0.3, so that the time left costs the loop some 17 degrees
+of phase. For lack of a stiffness below zero ω is not below the model's own frequency. Integral and lead are
+told the command as clipped, so that the range does not wind them up.
+
+A feedback on the payload alone reacts to a motion that has already come about: it cannot foresee, and its
+gain is what the delay allows.
+
+Source: Åström and Wittenmark (1997), pole placement.
+"""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+
+from baselines.linear_controller import LinearController, controller
+from baselines.lqr import PAYLOAD_MOTION, require_payload_motion, truth_model
+from baselines.model import payload_model
+from heave_env.scenarios import Scenario
+
+LEAD = 10.0
+"""N, how many times quicker the lead makes the winch [-]."""
+PHASE = 0.3
+"""ω T, phase that the time left may cost at the loop's frequency [rad]."""
+DAMPING_RATIO = 0.7
+"""ζ of the placed pair [-]."""
+INTEGRAL = 0.1
+"""α, the integral's pole over ω [-]."""
+
+
+def pid(scenario: Scenario, *, bandwidth: float = 1.0) -> LinearController:
+    """Designs the PID for a scenario by pole placement.
+
+    Args:
+        scenario: The operation. A cable is replaced by its identified second-order model.
+        bandwidth: Share of the rule's ω; less of it where the plant has more than the model.
+
+    Raises:
+        ValueError: If payload heave or its rate is not measured, or the bandwidth is not positive.
+    """
+    require_payload_motion(scenario, "pid")
+    if not (math.isfinite(bandwidth) and bandwidth > 0.0):
+        raise ValueError(f"bandwidth must be a positive number, got {bandwidth!r}")
+    kp, ki, kd = pole_placement(scenario, bandwidth)
+    dt, fast = scenario.control_dt, LEAD * scenario.winch.rate_constant
+    # Memory: the integral of x, and v as the quickened winch follows it: u0 = N v - (N - 1) follower.
+    decay = math.exp(-fast * dt)
+    D = LEAD * np.array([[kp, kd]])
+    L = np.array([[LEAD * ki, LEAD - 1.0]])
+    F, G, H = np.eye(2), np.array([[dt, 0.0], [0.0, 0.0]]), np.zeros((2, 1))
+    # The v that belongs to the command as clipped: v = (u0 + (N - 1) follower) / N.
+    F[1, 1] = decay + (1.0 - decay) * (LEAD - 1.0) / LEAD
+    H[1, 0] = (1.0 - decay) / LEAD
+    # What the range cut off is taken from the integral, at the integral's own pole.
+    back = INTEGRAL * loop_frequency(scenario, bandwidth) * dt / (LEAD * ki)
+    F[0] -= back * L[0]
+    G[0] -= back * D[0]
+    H[0, 0] = -back
+    return controller("pid", scenario, PAYLOAD_MOTION, D=D, F=F, G=G, H=H, L=L, truth=truth_model(scenario))
+
+
+def remaining_time(scenario: Scenario) -> float:
+    """T, what still lies between v and the payload [s]."""
+    winch = scenario.winch
+    return winch.command_delay + 0.5 * scenario.control_dt + winch.lag / LEAD
+
+
+def loop_frequency(scenario: Scenario, bandwidth: float = 1.0) -> float:
+    """ω of the rule, times the share of it that is used [rad/s]."""
+    own = 1.0 / math.sqrt(payload_model(scenario).inertia)
+    return bandwidth * max(PHASE / remaining_time(scenario), own)
+
+
+def pole_placement(scenario: Scenario, bandwidth: float = 1.0) -> tuple[float, float, float]:
+    """kp [-], ki [1/s] and kd [s] of the rule."""
+    payload = payload_model(scenario)
+    a, b = payload.inertia, payload.damping
+    omega = loop_frequency(scenario, bandwidth)
+    kp = a * omega**2 * (1.0 + 2.0 * DAMPING_RATIO * INTEGRAL) - 1.0
+    kd = a * (2.0 * DAMPING_RATIO + INTEGRAL) * omega - b
+    return max(kp, 0.0), a * INTEGRAL * omega**3, max(kd, 0.0)
