@@ -164,9 +164,6 @@ class ConstantSpeed:
                 "m/s",
                 "of payload and cable together",
             ),
-            Quantity(
-                "slack_length", lowering.slack_length(self.payout_rate), "m", "from which it goes slack"
-            ),
             Quantity("virtual_mass", float(lowering.virtual_mass()), "kg", "payload with its added mass"),
             Quantity("inertia_force", inertia, "N", "mean force that brings the payload up to speed"),
         ]
