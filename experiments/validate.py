@@ -17,7 +17,6 @@ from typing import Any
 
 import experiments.validation
 from experiments import figures, page, runs
-from experiments.report import significant
 from experiments.validation.checks import EVIDENCE, REGISTRY, Check, Picture, Unmatched, Validation
 from heave_env.parameters import name_hint
 from heave_env.provenance import provenance
@@ -148,24 +147,33 @@ def failed(everything: Sequence[Found]) -> list[str]:
     ]
 
 
+def number_text(value: float | None) -> str:
+    """A number to six significant digits, without idle zeros."""
+    return "–" if value is None else f"{value:.6g}".replace("-", "−")
+
+
 def error_text(check: dict[str, Any]) -> str:
     """A check's error as read by people: in per cent if relative, by how much a bound is exceeded."""
     if check["error"] is None:
         return "–"
     if check["measure"] == "relative":
-        return f"{significant(100.0 * check['error'], 2)} %"
+        return f"{_short(100.0 * check['error'])} %"
     if check["measure"] in ("at most", "at least") and check["error"] == 0.0:
         return "kept"
-    return significant(check["error"], 2)
+    return _short(check["error"])
 
 
 def tolerance_text(check: dict[str, Any]) -> str:
     """A check's tolerance in the measure of its error."""
     if check["measure"] == "relative":
-        return f"{significant(100.0 * check['tolerance'], 2)} %"
+        return f"{_short(100.0 * check['tolerance'])} %"
     if check["measure"] in ("at most", "at least"):
         return check["measure"]
-    return significant(check["tolerance"], 2)
+    return _short(check["tolerance"])
+
+
+def _short(value: float) -> str:
+    return f"{value:.2g}".replace("-", "−")
 
 
 def _page(cases: Sequence[Validation], everything: Sequence[Found], made: dict[str, Any]) -> str:
@@ -175,15 +183,15 @@ def _page(cases: Sequence[Validation], everything: Sequence[Found], made: dict[s
         checks = [
             check
             | {
-                "ours": significant(check["ours"], 6),
-                "reference": significant(check["reference"], 6),
+                "ours": number_text(check["ours"]),
+                "reference": number_text(check["reference"]),
                 "error": error_text(check),
                 "tolerance": tolerance_text(check),
             }
             for check in found["checks"]
         ]
         unmatched = [
-            item | {"ours": significant(item["ours"], 4), "published": significant(item["published"], 4)}
+            item | {"ours": number_text(item["ours"]), "published": number_text(item["published"])}
             for item in found["unmatched"]
         ]
         view = {
