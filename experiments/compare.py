@@ -105,6 +105,7 @@ def run_contest(
     *,
     warm_up: float | None = None,
     dtype: str = "float64",
+    clairvoyant: bool = False,
     progress: Callable[[str, int], None] | None = None,
 ) -> Contest:
     """Runs every controller in the same seas of a scenario and scores it.
@@ -115,12 +116,13 @@ def run_contest(
         seeds: One seed per sea.
         warm_up: Time left out at the start [s]; None: the protocol's.
         dtype: Precision of the plant.
+        clairvoyant: Whether the cost of who knows the sea beforehand is worked out, seconds for each sea.
         progress: Called with a label and a number of steps done since the last call.
 
     Returns:
         Scores and the first seas in full.
     """
-    from baselines.bound import optimal_cost
+    from baselines.bound import causal_bound, optimal_cost
 
     part = window(scenario.duration, scenario.control_dt, warm_up)
     collected: dict[str, list[tuple[Trajectory, dict[str, Array], Array, dict[str, Array]]]] = {}
@@ -178,9 +180,17 @@ def run_contest(
                     for channel in parts[0][3]
                 },
                 optimal_cost=optima[entry.information_set],
+                # The first batch is the largest.
+                decision_time=parts[0][0].decision_time,
+                batch=len(parts[0][1]["cost"]),
             )
         )
-    return Contest(scenario, part, outcomes)
+    known = None
+    if clairvoyant:
+        from baselines.clairvoyant import clairvoyant_cost
+
+        known = clairvoyant_cost(scenario, seeds, warm_up=part.warm_up)
+    return Contest(scenario, part, outcomes, causal_bound(scenario), known)
 
 
 def _joined(parts: list[Trajectory]) -> Trajectory:
@@ -213,6 +223,7 @@ def compare(
     dtype: str = "float64",
     reference: str | None = None,
     allow_other_scenario: bool = False,
+    clairvoyant: bool = False,
     arguments: list[str] | None = None,
     progress: Callable[[str, str, int, int], None] | None = None,
 ) -> Path:
@@ -230,6 +241,7 @@ def compare(
         dtype: Precision of the plant.
         reference: Controller that paired differences are taken from; None: `default_reference`.
         allow_other_scenario: Whether an agent may act in a scenario it was not trained for.
+        clairvoyant: Whether the yardstick that knows each sea beforehand is worked out, seconds for each sea.
         arguments: Command line of the provenance; None: the process's own.
         progress: Called with scenario, label, steps done since the last call and steps in all.
 
@@ -257,6 +269,12 @@ def compare(
         raise ValueError(f"reference {reference!r} is not among the controllers {', '.join(labels.values())}")
     seeds = range(FIRST_TEST_SEED, FIRST_TEST_SEED + n_seeds)
 
+    for scenario in scenarios if clairvoyant else ():
+        if not scenario.is_linear:
+            raise ValueError(
+                f"the clairvoyant yardstick takes a linear payload, scenario {scenario.name!r} has "
+                "a cable; leave --clairvoyant out"
+            )
     prepared = []
     for scenario in scenarios:
         entries = []
@@ -276,7 +294,17 @@ def compare(
             if progress is not None:
                 progress(name, label, count, total)
 
-        contests.append(run_contest(scenario, entries, seeds, warm_up=warm_up, dtype=dtype, progress=report))
+        contests.append(
+            run_contest(
+                scenario,
+                entries,
+                seeds,
+                warm_up=warm_up,
+                dtype=dtype,
+                clairvoyant=clairvoyant,
+                progress=report,
+            )
+        )
     write_contests(out, contests, seeds, dtype, chosen, provenance(arguments))
     from experiments.report import write_report
 

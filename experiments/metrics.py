@@ -40,6 +40,7 @@ METRICS: dict[str, Metric] = {
     "payload_heave_std": Metric("m", "standard deviation of the payload's heave about its mean"),
     "payload_heave_rms": Metric("m", "root mean square of the payload's heave about still water"),
     "payload_heave_max": Metric("m", "largest magnitude of the payload's heave"),
+    "sheave_heave_std": Metric("m", "standard deviation of boom-tip heave plus winch displacement"),
     "efficiency_boom_tip": Metric("-", "1 - std of payload heave / std of boom-tip heave"),
     "efficiency_locked_winch": Metric(
         "-", "1 - std of payload heave / std of payload heave in the same sea with the winch locked"
@@ -133,12 +134,14 @@ def scores(trajectory: Trajectory, part: Window, locked: Trajectory | None = Non
     valid = trajectory.valid[steps]
     heave = _masked(trajectory.states["payload_heave"][ends], valid)
     boom_tip = _masked(trajectory.states["boom_tip_heave"][ends], valid)
+    sheave = boom_tip + _masked(trajectory.states["winch_displacement"][ends], valid)
     command = _masked(trajectory.steps["command"][steps], valid)
     payload_std = _std(heave)
     row = {
         "payload_heave_std": payload_std,
         "payload_heave_rms": np.sqrt(_mean(heave**2)),
         "payload_heave_max": _largest(np.abs(heave)),
+        "sheave_heave_std": _std(sheave),
         "efficiency_boom_tip": 1.0 - _ratio(payload_std, _std(boom_tip)),
         "efficiency_locked_winch": np.full(trajectory.n_seas, np.nan),
         "control_energy": _mean(command**2),

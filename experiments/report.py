@@ -99,6 +99,7 @@ def motion_table(controllers: dict[str, Any]) -> tuple[list[Column], list[list[s
         ("95 %", "of the seas lie below"),
         ("maximum", "over seas"),
         ("largest heave [mm]", "largest magnitude in a sea, mean over seas"),
+        ("std of sheave heave [mm]", "boom tip plus winch displacement, mean over seas ± 95 % interval"),
         ("removed of boom tip [%]", "1 - std of payload / std of boom tip"),
         (
             "removed of locked winch [%]",
@@ -115,6 +116,7 @@ def motion_table(controllers: dict[str, Any]) -> tuple[list[Column], list[list[s
                 with_interval(heave, 1e3),
                 *(significant(_scaled(heave[key], 1e3)) for key in ("median", "p95", "maximum")),
                 with_interval(metrics["payload_heave_max"], 1e3),
+                with_interval(metrics.get("sheave_heave_std"), 1e3),
                 with_interval(metrics["efficiency_boom_tip"], 1e2),
                 with_interval(metrics["efficiency_locked_winch"], 1e2),
                 ended_early(metrics),
@@ -136,6 +138,7 @@ def cost_table(controllers: dict[str, Any], reference: str) -> tuple[list[Column
         ("control energy [m²]", "mean square of the command u0"),
         ("energy index", "sqrt(sum G²) of a gain G (thesis)"),
         ("saturated [%]", "steps in which a winch limit or the command range bit"),
+        ("µs per decision", "mean time of an action, per sea of the batch that the controller acted in"),
     ]
     rows = []
     for found in controllers.values():
@@ -151,6 +154,7 @@ def cost_table(controllers: dict[str, Any], reference: str) -> tuple[list[Column
                 with_interval(metrics["control_energy"]),
                 significant(metrics.get("energy_index", {}).get("mean")),
                 significant(_scaled(metrics["saturation_fraction"]["mean"], 1e2)),
+                significant(metrics.get("decision_time", {}).get("mean")),
             ]
         )
     return columns, rows
@@ -321,6 +325,22 @@ def _facts(scenario: dict[str, Any], found: dict[str, Any]) -> list[tuple[str, s
     optima = {item["optimal_cost"] for item in found["controllers"].values()} - {None}
     if len(optima) == 1:  # with several, each controller's ratio is to its own
         facts.append(("proven optimum J", significant(optima.pop())))
+    bound = found.get("bound")
+    if bound:
+        for part in ("payload", "sheave"):
+            value = bound[f"{part}_heave_std"]
+            if value is not None:
+                facts.append((f"causal bound, {part} std", f"{significant(_scaled(value, 1e3))} mm"))
+        facts.append(("foresight needed", f"{bound['horizon']:g} s"))
+    if found.get("clairvoyant"):
+        facts.append(("clairvoyant J", with_interval(found["clairvoyant"])))
+    batches = {
+        int(item["metrics"]["decision_time"]["n_seas"])
+        for item in found["controllers"].values()
+        if "decision_time" in item["metrics"]
+    }
+    if len(batches) == 1:
+        facts.append(("decisions timed in batches of", f"{batches.pop()}"))
     return facts
 
 

@@ -3,12 +3,14 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from baselines.bound import CausalBound
 from experiments import runs
 from experiments.metrics import CONFIDENCE, METRICS, Summary, Window, paired_difference, summary
 from experiments.rollout import Trajectory
@@ -23,6 +25,8 @@ SPREAD_METRICS = ("payload_heave_std", "cost")
 """Metrics whose median, 95 % and maximum over seas have rows of their own."""
 DIFFERENCE_METRICS = ("payload_heave_std", "cost")
 """Metrics whose paired difference from the reference controller is given."""
+CLAIRVOYANT = "clairvoyant"
+"""What the rows of the yardstick that knows the coming sea say for a controller."""
 STORED_CHANNELS = ("boom_tip_heave", "payload_heave", "winch_displacement", "sheave_tension", "command")
 """Channels of the stored seas."""
 
@@ -72,6 +76,10 @@ class Outcome:
     """Spectral density of payload and boom-tip heave over all seas [m² s/rad]."""
     optimal_cost: float | None
     """The proven optimum of J with what this controller sees, where one is known."""
+    decision_time: float = math.nan
+    """Mean time of an action, per sea of the batch [s]."""
+    batch: int = 0
+    """Seas that the controller acted in at once [-]."""
 
 
 @dataclass(frozen=True)
@@ -81,6 +89,10 @@ class Contest:
     scenario: Scenario
     part: Window
     outcomes: list[Outcome]
+    bound: CausalBound | None = None
+    """What no causal controller can beat, where it is known."""
+    clairvoyant: Array | None = None
+    """Least cost J of each sea for who knows it beforehand, (n_seas,), if it was asked for."""
 
 
 @dataclass(frozen=True)
@@ -128,13 +140,32 @@ def result_rows(contest: Contest, reference: str) -> list[Row]:
                 found = paired_difference(outcome.values[name], against.values[name])
                 add(f"{name}_difference", METRICS[name].unit, found.mean, found, found.n_seas)
         n_seas = len(outcome.values["cost"])
+        for metric, value in bounds_of(contest.bound).items():
+            add(f"{metric}_bound", METRICS[metric].unit, value, None, n_seas)
+        if math.isfinite(outcome.decision_time):
+            add("decision_time", "µs", 1e6 * outcome.decision_time, None, outcome.batch)
         for name, ended in outcome.ends.items():
             add(name, "seas", int(ended.sum()), None, n_seas)
         described = outcome.entry.described()
         for name in ("energy_index", "predicted_cost"):
             if name in described:
                 add(name, "-", described[name], None, n_seas)
+    if contest.clairvoyant is not None:
+        found = summary(contest.clairvoyant)
+        rows.append(Row(CLAIRVOYANT, "cost", "-", found.mean, found.low, found.high, found.n_seas))
+        for spread in ("median", "p95", "maximum"):
+            rows.append(
+                Row(CLAIRVOYANT, f"cost_{spread}", "-", getattr(found, spread), None, None, found.n_seas)
+            )
     return rows
+
+
+def bounds_of(bound: CausalBound | None) -> dict[str, float]:
+    """The metrics that a causal controller cannot bring below a number, and that number."""
+    if bound is None:
+        return {}
+    found = {"payload_heave_std": bound.payload_heave_std, "sheave_heave_std": bound.sheave_heave_std}
+    return {metric: value for metric, value in found.items() if value is not None}
 
 
 def write_contests(
@@ -252,6 +283,10 @@ def _summary(contests: list[Contest], seeds: range, reference: str, made: dict[s
             "command_delay": contest.scenario.winch.command_delay,
             "warm_up": contest.part.warm_up,
             "scored": contest.part.scored,
+            "bound": None if contest.bound is None else dataclasses.asdict(contest.bound),
+            "clairvoyant": None
+            if contest.clairvoyant is None
+            else dataclasses.asdict(summary(contest.clairvoyant)),
             "controllers": controllers,
         }
     return {

@@ -7,6 +7,8 @@ values, so that no array ever holds NaN; `n_valid` says how many of its steps co
 from __future__ import annotations
 
 import dataclasses
+import math
+import time
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -16,7 +18,7 @@ import numpy as np
 
 from heave_env.controller import Controller
 from heave_env.scenarios import Scenario, whole_number_of
-from heave_env.sensors import CHANNELS
+from heave_env.sensors import CABLE_CHANNELS, CHANNELS
 
 if TYPE_CHECKING:
     from heave_env.env import HeaveVectorEnv
@@ -27,7 +29,7 @@ FIRST_TEST_SEED = 20_000_000
 """Test seas have the seeds from here; training seas lie below 1e7, validation seas from 1e7."""
 
 STATE_CHANNELS: dict[str, str] = {
-    name: unit for name, unit in CHANNELS.items() if name not in ("sheave_tension", "length")
+    name: unit for name, unit in CHANNELS.items() if name not in CABLE_CHANNELS
 }
 """Channels of every plant at the control instants, with units: arrays `(n_steps + 1, n_seas)`."""
 CABLE_STATE_CHANNELS: dict[str, str] = {
@@ -75,6 +77,8 @@ class Trajectory:
     """Control steps of each sea before its end, (n_seas,); the step in which it diverged is not one."""
     outcomes: dict[str, Array] = field(default_factory=dict)
     """For each of `OUTCOMES`, which seas ended so, (n_seas,) bool."""
+    decision_time: float = math.nan
+    """Time of an action, per sea of the batch that the controller acted in, mean over the steps [s]."""
 
     @property
     def n_seas(self) -> int:
@@ -110,6 +114,7 @@ class Trajectory:
             steps={name: values[:, :count] for name, values in self.steps.items()},
             n_valid=self.n_valid[:count],
             outcomes={name: values[:count] for name, values in self.outcomes.items()},
+            decision_time=self.decision_time,
         )
 
 
@@ -197,14 +202,18 @@ def _recorded(
     alive = np.ones(n_seas, dtype=bool)
     episode_start = np.ones(n_seas, dtype=bool)
     memory = None
+    thinking, n_decisions = 0.0, 0
 
     observation, info = env.reset(seed=seeds)
     for name, values in states.items():
         values[0] = info[name]
     for k in range(n_steps):
+        began = time.perf_counter()
         action, memory = controller.predict(
             observation, state=memory, episode_start=episode_start, deterministic=True
         )
+        if k > 0:  # the first may have something to prepare
+            thinking, n_decisions = thinking + time.perf_counter() - began, n_decisions + n_seas
         observation, _, terminated, truncated, info = env.step(action)
         ended = {name: alive & (np.asarray(info.get(name, 0.0)) > 0.0) for name in OUTCOMES}
         counts = alive & ~ended["diverged"]
@@ -235,4 +244,5 @@ def _recorded(
         steps=steps,
         n_valid=n_valid,
         outcomes=outcomes,
+        decision_time=thinking / n_decisions if n_decisions else math.nan,
     )

@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from baselines.bound import causal_bound
 from experiments import report, runs
 from experiments.compare import (
     check_specs,
@@ -85,6 +86,36 @@ def test_the_proven_optimum_is_compared_where_there_is_one(folder):
     optimum = summary["scenarios"]["thesis_linear"]["controllers"]["none"]["optimal_cost"]
     assert ratio == pytest.approx(value(rows, "thesis_linear", "none", "cost") / optimum)
     assert not any(r["metric"] == "cost_ratio_to_optimum" for r in rows if r["scenario"] == "sea_state_5")
+
+
+def test_the_causal_bound_and_the_time_of_a_decision_are_metrics_of_their_own(folder):
+    rows = rows_of(folder / "results.csv")
+    for name, outputs in (("thesis_linear", ("payload", "sheave")), ("sea_state_5", ("sheave",))):
+        bound = causal_bound(load(name))
+        assert bound is not None
+        for controller in ("none", "lqr", "lqg"):
+            for output in outputs:
+                least = value(rows, name, controller, f"{output}_heave_std_bound")
+                assert least == getattr(bound, f"{output}_heave_std")
+                assert least < value(rows, name, controller, f"{output}_heave_std")
+            assert 0.0 < value(rows, name, controller, "decision_time") < 1e5
+    # The payload below a cable is not linear: no bound is claimed for it.
+    assert not any(r["metric"] == "payload_heave_std_bound" for r in rows if r["scenario"] == "sea_state_5")
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "causal bound, sheave std" in page
+    assert "µs per decision" in page
+
+
+def test_the_clairvoyant_yardstick_is_below_everybody_and_asked_for(tmp_path):
+    short = dict(n_seeds=2, duration=40.0, arguments=["compare"], clairvoyant=True)
+    folder = compare([load("limits_linear")], ["none", "feedforward"], out=tmp_path / "out", **short)
+    rows = rows_of(folder / "results.csv")
+    least = value(rows, "limits_linear", "clairvoyant", "cost")
+    assert 0.0 < least < value(rows, "limits_linear", "feedforward", "cost")
+    assert "clairvoyant J" in (folder / "report.html").read_text(encoding="utf-8")
+    with pytest.raises(ValueError, match="takes a linear payload, scenario 'sea_state_5' has a cable"):
+        compare([load("sea_state_5")], ["none"], out=tmp_path / "other", **short)
+    assert not (tmp_path / "other").exists()
 
 
 def test_the_seas_are_the_first_test_seas(folder):
