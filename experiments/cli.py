@@ -169,6 +169,11 @@ def parser() -> Parser:
     compare.add_argument("--warm-up", type=float, metavar="S", help="time left out at its start [s] (100)")
     compare.add_argument("--dtype", choices=("float64", "float32"), default="float64", help="plant precision")
     compare.add_argument("--reference", metavar="NAME", help="controller that differences are from (lqg)")
+    compare.add_argument(
+        "--clairvoyant",
+        action="store_true",
+        help="also the least cost of who knows each sea beforehand (linear payload; seconds for each sea)",
+    )
     _add_other(compare)
     compare.add_argument("--out", required=True, metavar="DIR", help="folder for the results")
 
@@ -629,6 +634,7 @@ def _compare(options: argparse.Namespace) -> None:
             dtype=options.dtype,
             reference=options.reference,
             allow_other_scenario=options.allow_other_scenario,
+            clairvoyant=options.clairvoyant,
             arguments=options.arguments,
             progress=advance,
         )
