@@ -347,7 +347,10 @@ def _make_solver(fingerprint: int):
 
     @njit(cache=True, error_model="numpy")
     def settle(nodes, factor, segments, bodies, knots, ends, tolerance):
-        """Newton with a line search on all equations; rewrites `nodes`. Returns residual and count."""
+        """Newton with a line search on all equations; rewrites `nodes`. Returns residual and count.
+
+        Past the tolerance it goes on for as long as full steps help, which is down to rounding.
+        """
         n = len(segments)
         size = 6 * (n + 1)
         band, rest = np.empty((size, 3 * _BAND + 1)), np.empty(size)
@@ -375,8 +378,6 @@ def _make_solver(fingerprint: int):
             if not better:
                 break
             nodes[:], rest[:], worst = trial, other, found
-            if polish:
-                break
         return worst, count
 
     @njit(cache=True, error_model="numpy")
@@ -583,9 +584,9 @@ class StaticShape:
 
     @property
     def tangent(self) -> Array:
-        """Unit tangent just above each node, towards the upper end [-], (n_nodes, 3); NaN at no tension."""
-        with np.errstate(invalid="ignore", divide="ignore"):
-            return np.asarray(self.force / self.tension[:, None])
+        """Unit tangent just above each node, towards the upper end [-], (n_nodes, 3); zero at no tension."""
+        tension = self.tension[:, None]
+        return np.asarray(self.force / np.where(tension > 0.0, tension, 1.0))
 
     @property
     def inclination(self) -> Array:
@@ -668,8 +669,9 @@ class StaticsSolver:
     """The instant at which the current's factor is taken [s]."""
     n_segments: int = 100
     """Segments in all; each stretch between section ends and bodies has at least one."""
-    tolerance: float = 1e-11
-    """Largest residual, of lengths over the line's, of forces over the greatest load [-]."""
+    tolerance: float = 1e-9
+    """Largest residual that counts as an answer, of lengths over the line's, of forces over the greatest
+    load [-]. The iteration goes on to rounding; only lines that fold along the current stop before."""
 
     def __post_init__(self) -> None:
         require_number(self, "time")
