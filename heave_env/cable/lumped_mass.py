@@ -339,13 +339,29 @@ class LumpedMassSolver:
         weights = np.sum(np.abs(lengths * law[:, WEIGHT])) + np.sum(np.abs(bodies[:, BODY_WEIGHT]))
         # A weightless line between ends has no other force than its own.
         scale = max(float(weights) + drag * fastest**2, 1e-6 * float(np.min(law[:, STIFFNESS])))
-        bottom_force, top_force, tension = np.zeros(3), np.zeros(3), np.zeros(n)
-        motion = Motion(r, np.zeros_like(r), np.zeros_like(r), lengths)
-        residual = settle(
-            n, *self._held(), motion, chain, flow, factor, scale, bottom_force, top_force, tension
-        )
+
+        def relaxed(shape: Array, chain: Chain) -> tuple[float, LineState]:
+            bottom_force, top_force, tension = np.zeros(3), np.zeros(3), np.zeros(n)
+            motion = Motion(shape, np.zeros_like(shape), np.zeros_like(shape), lengths)
+            residual = settle(
+                n, *self._held(), motion, chain, flow, factor, scale, bottom_force, top_force, tension
+            )
+            forces = (lengths, tension, bottom_force, top_force)
+            return residual, LineState(time, shape, motion.v, motion.acceleration, *forces)
+
+        residual, state = relaxed(r.copy(), chain)
+        if not (residual < np.inf and np.min(state.tensions) >= -1e-9 * scale):
+            # Compressed, as a straight line beneath a float stands on a knife's edge: off it by a bow, with a
+            # cable that cannot be, and from there with the true one.
+            limp = chain._replace(law=law.copy())
+            limp.law[:, TENSION_ONLY] = 1.0
+            bow = 1e-2 * self.line.length * np.sin(np.linspace(0.0, np.pi, n + 1))
+            aside = r + bow[:, None] * [0.6, 0.8, 0.0]
+            again, other = relaxed(relaxed(aside, limp)[1].positions, chain)
+            if again <= max(residual, 1e-6 * scale) and np.min(other.tensions) > np.min(state.tensions):
+                residual, state = again, other
         # Rounding of positions alone leaves EA · 1e-16 · |r| / l.
-        rounding = float(np.max(law[:, STIFFNESS] / lengths)) * float(np.max(np.abs(r))) * 1e-14
+        rounding = float(np.max(law[:, STIFFNESS] / lengths)) * float(np.max(np.abs(state.positions))) * 1e-14
         if not residual <= 1e-6 * scale + rounding:
             raise ConvergenceError(
                 "no static equilibrium of the line was found; a net weight of nearly zero or a current that "
@@ -353,7 +369,7 @@ class LumpedMassSolver:
                 f"shape with placed(); force left over in N, of {scale:.3g} N acting",
                 residual,
             )
-        return LineState(time, r, motion.v, motion.acceleration, lengths, tension, bottom_force, top_force)
+        return state
 
     def placed(self, positions: Array, velocities: Array | None = None, *, time: float = 0.0) -> LineState:
         """A state of given nodes, to march from; tensions are those of its strains.
