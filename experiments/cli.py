@@ -195,6 +195,19 @@ def parser() -> Parser:
     _add_set(identify)
     identify.add_argument("--nonlinear", action="store_true", help="with quadratic damping, b x'|x'|")
 
+    sea = verb(
+        "sea",
+        _sea,
+        "a scenario's sea in numbers: shaping filters fitted to it and what they let one foresee",
+        "heave sea thesis_linear --orders 4,6,8",
+    )
+    _add_scenario(sea)
+    _add_set(sea)
+    sea.add_argument("--orders", default="2,4,6,8,10", metavar="A,B,...", help="states of the filters")
+    sea.add_argument(
+        "--horizons", default="0.2,0.5,1,3", metavar="A,B,...", help="how far ahead to predict [s]"
+    )
+
     cases = verb(
         "cases",
         _cases,
@@ -547,24 +560,27 @@ def _validate(options: argparse.Namespace) -> None:
 
 def _every_check(everything: Sequence[dict[str, Any]]) -> Any:
     """A row for each number of each case."""
-    from experiments.validate import error_text, tolerance_text
-
-    def text(value: float | None) -> str:
-        return "–" if value is None else f"{value:.6g}"
+    from experiments.validate import error_text, number_text, tolerance_text
 
     table = _table("case", "quantity", "ours", "reference", "error", "tolerance", "", wide="quantity")
     for found in everything:
         if found["skipped"]:
             table.add_row(found["name"], f"skipped: {found['skipped']}")
         for check in found["checks"]:
-            numbers = (text(check["ours"]), text(check["reference"]))
+            numbers = (number_text(check["ours"]), number_text(check["reference"]))
             errors = (error_text(check), tolerance_text(check))
             verdict = "passed" if check["passed"] else "FAILED"
             table.add_row(found["name"], check["quantity"], *numbers, *errors, verdict)
         for item in found["unmatched"]:
             said = f"{item['quantity']}: {item['reason']}"
             table.add_row(
-                found["name"], said, text(item["ours"]), text(item["published"]), "", "", "unmatched"
+                found["name"],
+                said,
+                number_text(item["ours"]),
+                number_text(item["published"]),
+                "",
+                "",
+                "unmatched",
             )
     return table
 
@@ -713,6 +729,20 @@ def _identify(options: argparse.Namespace) -> None:
     print(f"a = {fit.inertia:.6g} s²")
     print(f"b = {fit.damping:.6g} {unit}")
     print(f"residual std {fit.residual_std:.3g} m of {fit.response_std:.3g} m")
+
+
+def _sea(options: argparse.Namespace) -> None:
+    from experiments.sea import sea_page
+    from heave_env.provenance import commit
+
+    try:
+        orders = [int(text) for text in options.orders.split(",")]
+        horizons = [float(text) for text in options.horizons.split(",")]
+    except ValueError as error:
+        raise ValueError(f"--orders and --horizons take numbers separated by commas: {error}") from error
+    scenario = scenario_of(options.scenario, options.settings)
+    print(f"{scenario.name} (fingerprint {scenario.fingerprint}, commit {commit()})")
+    print(sea_page(scenario, orders, horizons))
 
 
 def _bench(options: argparse.Namespace) -> None:

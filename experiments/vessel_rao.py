@@ -140,12 +140,12 @@ def table(motions: Array) -> str:
         "# wave there. heading: where the waves travel to, from the bow. Units: rad, rad/s, m/m, rad/m.",
         "heading,omega,heave_amplitude,heave_phase,roll_amplitude,roll_phase,pitch_amplitude,pitch_phase",
     ]
-    for heading, rows in zip(HEADINGS, motions, strict=True):
+    for heading, rows in zip(HEADINGS.tolist(), motions, strict=True):
         for omega, row in zip(OMEGAS, rows, strict=True):
             amplitude = np.where(np.abs(row) < 1e-6, 0.0, np.abs(row))
             phase = np.where(amplitude == 0.0, 0.0, np.angle(row))
             cells = [f"{a:.6g},{p:.4f}" for a, p in zip(amplitude, phase, strict=True)]
-            lines.append(f"{heading:.6f},{omega:.4g}," + ",".join(cells))
+            lines.append(f"{heading!r},{omega:.4g}," + ",".join(cells))
     return "\n".join(lines) + "\n"
 
 

@@ -7,9 +7,8 @@ A filter of order n = 2 m with the transfer function
 k up to m and j up to m - 2, driven by white noise of intensity π has the one-sided density |H(iω)|². It has
 a double zero at the origin (no drift) and falls as ω⁻² (its density as ω⁻⁴), so that motion and rate have
 finite variance and the rate no white noise in it, as the environment needs. Order 2 has no zeros, but the
-same fall.
-The shape is fitted by least squares on the density, with a little weight on the rate's variance; the gain
-makes the motion's variance exact.
+same fall. The shape is fitted by least squares on the density, with a little weight on the rate's variance;
+the gain makes the motion's variance exact.
 
 Where it stops holding: a rational density does not vanish as exp(-1.25 (ω_m/ω)⁴) does at low frequency, nor
 fall as ω⁻⁵. The second derivative of the motion has no finite variance.
@@ -96,12 +95,18 @@ class LinearFilter:
         Source: Åström (1970), Kolmogorov and Wiener's predictor.
 
         Args:
-            horizon: h [s].
+            horizon: h, not negative [s].
 
         Returns:
             Standard deviations, (n_outputs,).
+
+        Raises:
+            ValueError: If the horizon is negative.
         """
         from scipy.linalg import expm
+
+        if not horizon >= 0.0:
+            raise ValueError(f"a horizon must not be negative, got {horizon!r} s")
 
         # By Gauss's quadrature on the response itself, which keeps its relative accuracy where Van Loan's
         # covariance of a chain of integrators drowns in rounding.
@@ -159,6 +164,42 @@ def square_root(covariance: Array) -> Array:
 # The fit -----------------------------------------------------------------------------------------
 
 
+@dataclass(frozen=True)
+class SpectralErrors:
+    """How far a filter is from a spectrum; each number is a ratio less one, but for the misfit."""
+
+    variance: float
+    """Of the motion [-]."""
+    peak: float
+    """Of the largest density [-]."""
+    peak_omega: float
+    """Of the frequency where it lies [-]."""
+    rate: float
+    """Of the rate's variance over the frequencies given, ∫ ω² |H|² dω [-]."""
+    misfit: float
+    """∫ | |H|² - S | dω over ∫ S dω [-]."""
+
+
+def spectral_errors(given: LinearFilter, omega: Array, density: Array) -> SpectralErrors:
+    """Compares a filter's first output with a one-sided density.
+
+    Args:
+        given: The filter.
+        omega: Evenly spaced from near zero to the end of the tail [rad/s], (n_omega,).
+        density: At each [unit² s], (n_omega,).
+    """
+    step = omega[1] - omega[0]
+    achieved = np.abs(given.response(omega)[:, 0]) ** 2
+    variance = float(np.sum(density) * step)
+    return SpectralErrors(
+        variance=float(given.output_std[0]) ** 2 / variance - 1.0,
+        peak=float(achieved.max() / density.max()) - 1.0,
+        peak_omega=float(omega[np.argmax(achieved)] / omega[np.argmax(density)]) - 1.0,
+        rate=float(omega**2 @ achieved / (omega**2 @ density)) - 1.0,
+        misfit=float(np.sum(np.abs(achieved - density)) * step / variance),
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class ShapingFit:
     """A fitted filter and how far it is from its spectrum."""
@@ -170,17 +211,9 @@ class ShapingFit:
     zeros: tuple[tuple[float, float], ...]
     """Likewise, but for the double zero at the origin."""
     filter: LinearFilter
-    """White noise to motion and its rate, in states of unit stationary variance."""
-    variance_error: float
-    """Variance over the spectrum's, less one [-]; rounding alone, for the gain makes it exact."""
-    peak_error: float
-    """Largest density over the spectrum's, less one [-]."""
-    peak_omega_error: float
-    """Its frequency over that of the spectrum's peak, less one [-]."""
-    rate_error: float
-    """∫ ω² |H|² dω over the spectrum's ∫ ω² S dω, both over the frequencies given, less one [-]."""
-    misfit: float
-    """∫ |fit - S| dω over ∫ S dω [-]."""
+    """White noise to motion and its rate, in uncorrelated states of unit stationary variance."""
+    errors: SpectralErrors
+    """Of the filter; that of the variance is rounding, for the gain makes it exact."""
 
 
 def fit_shaping_filter(omega: Array, density: Array, order: int) -> ShapingFit:
@@ -218,19 +251,7 @@ def fit_shaping_filter(omega: Array, density: Array, order: int) -> ShapingFit:
     cascade = _cascade(poles, zeros)
     gain = math.sqrt(variance) / float(cascade.output_std[0])
     fitted = orthonormal(LinearFilter(cascade.A, cascade.B, gain * cascade.C))
-    achieved = np.abs(fitted.response(omega)[:, 0]) ** 2
-    of_motion = float(fitted.output_std[0]) ** 2
-    return ShapingFit(
-        order=order,
-        poles=tuple(poles),
-        zeros=tuple(zeros),
-        filter=fitted,
-        variance_error=of_motion / variance - 1.0,
-        peak_error=float(achieved.max() / density.max() - 1.0),
-        peak_omega_error=float(omega[np.argmax(achieved)] / unit - 1.0),
-        rate_error=float(omega**2 @ achieved / (omega**2 @ density) - 1.0),
-        misfit=float(np.sum(np.abs(achieved - density)) * step / variance),
-    )
+    return ShapingFit(order, tuple(poles), tuple(zeros), fitted, spectral_errors(fitted, omega, density))
 
 
 def _resampled(omega: Array, density: Array, shares: Array, n: int = 300) -> tuple[Array, Array]:
