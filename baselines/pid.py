@@ -9,8 +9,9 @@ the model under this feedback:
     (s + α ω)(s² + 2 ζ ω s + ω²):   kd = a (2 ζ + α) ω - b,   kp = a ω² (1 + 2 ζ α) - 1,   ki = a α ω³
 
 with ζ = 0.7, α = 0.1 (a slow integral), and ω T = 0.3, so that the time left costs the loop some 17 degrees
-of phase. For lack of a stiffness below zero ω is not below the model's own frequency. Integral and lead are
-told the command as clipped, so that the range does not wind them up.
+of phase; ω is not below the model's own frequency. Then all gains are lowered together until the sampled
+loop, on the model with its exact delay, would bear twice of them. Integral and lead are told the command as
+clipped, so that the range does not wind them up.
 
 A feedback on the payload alone reacts to a motion that has already come about: it cannot foresee, and its
 gain is what the delay allows.
@@ -26,8 +27,9 @@ import numpy as np
 
 from baselines.linear_controller import LinearController, controller
 from baselines.lqr import PAYLOAD_MOTION, require_payload_motion, truth_model
-from baselines.model import payload_model
+from baselines.model import LinearModel, linear_model, payload_model
 from heave_env.scenarios import Scenario
+from heave_env.sea import Array
 
 LEAD = 10.0
 """N, how many times quicker the lead makes the winch [-]."""
@@ -37,6 +39,10 @@ DAMPING_RATIO = 0.7
 """ζ of the placed pair [-]."""
 INTEGRAL = 0.1
 """α, the integral's pole over ω [-]."""
+GAIN_MARGIN = 2.0
+"""Multiple of its gains that the loop bears [-]."""
+LOWERED = 0.8
+"""Factor by which they are lowered at a time [-]."""
 
 
 def pid(scenario: Scenario, *, bandwidth: float = 1.0) -> LinearController:
@@ -52,7 +58,18 @@ def pid(scenario: Scenario, *, bandwidth: float = 1.0) -> LinearController:
     require_payload_motion(scenario, "pid")
     if not (math.isfinite(bandwidth) and bandwidth > 0.0):
         raise ValueError(f"bandwidth must be a positive number, got {bandwidth!r}")
-    kp, ki, kd = pole_placement(scenario, bandwidth)
+    gains = np.array(pole_placement(scenario, bandwidth))
+    omega = loop_frequency(scenario, bandwidth)
+    model = linear_model(scenario, sea=False).select(PAYLOAD_MOTION)
+    while _spectral_radius(model, _matrices(scenario, GAIN_MARGIN * gains, omega)) >= 1.0:
+        gains = LOWERED * gains
+    D, F, G, H, L = _matrices(scenario, gains, omega)
+    return controller("pid", scenario, PAYLOAD_MOTION, D=D, F=F, G=G, H=H, L=L, truth=truth_model(scenario))
+
+
+def _matrices(scenario: Scenario, gains: Array, omega: float) -> tuple[Array, Array, Array, Array, Array]:
+    """D, F, G, H and L for gains kp, ki and kd, with the integral's pole at α ω."""
+    kp, ki, kd = gains
     dt, fast = scenario.control_dt, LEAD * scenario.winch.rate_constant
     # Memory: the integral of x, and v as the quickened winch follows it: u0 = N v - (N - 1) follower.
     decay = math.exp(-fast * dt)
@@ -63,11 +80,19 @@ def pid(scenario: Scenario, *, bandwidth: float = 1.0) -> LinearController:
     F[1, 1] = decay + (1.0 - decay) * (LEAD - 1.0) / LEAD
     H[1, 0] = (1.0 - decay) / LEAD
     # What the range cut off is taken from the integral, at the integral's own pole.
-    back = INTEGRAL * loop_frequency(scenario, bandwidth) * dt / (LEAD * ki)
+    back = INTEGRAL * omega * dt / (LEAD * ki)
     F[0] -= back * L[0]
     G[0] -= back * D[0]
     H[0, 0] = -back
-    return controller("pid", scenario, PAYLOAD_MOTION, D=D, F=F, G=G, H=H, L=L, truth=truth_model(scenario))
+    return D, F, G, H, L
+
+
+def _spectral_radius(model: LinearModel, matrices: tuple[Array, ...]) -> float:
+    """Largest modulus of the eigenvalues of model and controller in a loop [-]."""
+    A, B, C = model.A, model.B, model.C
+    D, F, G, H, L = matrices
+    loop = np.block([[A - B @ D @ C, -B @ L], [(G - H @ D) @ C, F - H @ L]])
+    return float(np.max(np.abs(np.linalg.eigvals(loop))))
 
 
 def remaining_time(scenario: Scenario) -> float:
