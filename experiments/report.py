@@ -311,9 +311,13 @@ def _scenario_view(
 def _facts(scenario: dict[str, Any], found: dict[str, Any]) -> list[tuple[str, str]]:
     sea, winch, task = scenario["sea_state"], scenario["winch"], scenario["task"]
     facts = [("sea", sea["kind"].replace("_", " "))]
+    spectrum = sea.get("spectrum", "bretschneider")
+    if spectrum != "bretschneider":
+        facts.append(("spectrum", spectrum.replace("_", " ")))
     if sea["significant_wave_height"]:
         facts.append(("Hs", f"{sea['significant_wave_height']:g} m"))
-        facts.append(("peak", f"{sea['peak_omega']:.3g} rad/s"))
+        if spectrum not in ("pierson_moskowitz", "measured"):  # which have a frequency of their own
+            facts.append(("peak", f"{sea['peak_omega']:.3g} rad/s"))
     if scenario.get("length"):
         facts.append(("cable", f"{scenario['length']:g} m"))
     else:
