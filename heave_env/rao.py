@@ -25,7 +25,7 @@ from heave_env.files import modified, read_columns
 from heave_env.parameters import VesselTable, name_hint
 from heave_env.spectra import Array
 
-SHIPPED = Path(__file__).parent / "data"
+SHIPPED = Path(__file__).parent / "data" / "vessels"
 """Folder of the tables that travel with the package."""
 MOTIONS = ("heave", "roll", "pitch")
 
