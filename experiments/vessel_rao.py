@@ -2,8 +2,8 @@
 
     python -m experiments.vessel_rao table.csv
 
-writes what `heave_env/data/vessels/construction_vessel.csv` holds (Capytaine 3.0.0, some minutes on one core). The
-hull is our own, of a size that offshore construction vessels have: half breadth
+writes what `heave_env/data/vessels/construction_vessel.csv` holds (Capytaine 3.0.0, minutes on one core).
+The hull is our own, of a size that offshore construction vessels have: half breadth
 
     y(x, z) = (B/2) (1 - |2x/L|⁴) (1 - (z/T)⁶),    -T <= z <= 0,
 
