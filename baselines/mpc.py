@@ -315,8 +315,9 @@ def plan(
         rows.append(rates[ends] - earlier)
         limits.append(winch.acceleration_limit * winch.control_dt * np.diff(knots, prepend=0))
     if math.isfinite(winch.stroke_limit):
-        rows.append(displacement[ends])
-        limits.append(np.full(n_knots, winch.stroke_limit))
+        # At every step: between far knots the drum could turn round beyond its stops.
+        rows.append(displacement)
+        limits.append(np.full(n_steps, winch.stroke_limit))
     rows.append(command[ends])
     limits.append(np.full(n_knots, winch.command_range))
     constraints = np.vstack(rows)
