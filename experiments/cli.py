@@ -266,6 +266,7 @@ def parser() -> Parser:
         "heave bench --json bench.json",
     )
     bench.add_argument("--json", metavar="FILE", help="write every figure with its yardstick and ratio")
+    bench.add_argument("--lines", action="store_true", help="the line in three dimensions beside MoorDyn")
     bench.add_argument("--quick", action="store_true", help="short measurements: a smoke test")
     return top
 
@@ -751,6 +752,14 @@ def _bench(options: argparse.Namespace) -> None:
 
     if options.json is not None:
         runs.check_file(options.json)
+    if options.lines:
+        from experiments.line_benchmark import line_figures, line_speeds, line_table
+
+        speeds = line_speeds()
+        print("\n".join(line_table(speeds)))
+        if options.json is not None:
+            print(f"figures: {runs.write_json(options.json, line_figures(speeds, options.arguments))}")
+        return
     console = _console(stderr=True)
     found = measure(
         quick=options.quick,

@@ -13,7 +13,8 @@ from __future__ import annotations
 import importlib.util
 import statistics
 import time
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -21,6 +22,7 @@ from experiments.cases.lumped_mass import thesis_cable, thesis_payload
 from experiments.moordyn_line import COURANT, inner_step, moordyn_march
 from heave_env.cable.lumped_mass import LineState, LumpedMassSolver
 from heave_env.parameters import Cable, Current, Line
+from heave_env.provenance import provenance
 
 Array = np.ndarray
 
@@ -141,5 +143,6 @@ def line_table(speeds: list[LineSpeed]) -> list[str]:
     return rows
 
 
-if __name__ == "__main__":
-    print("\n".join(line_table(line_speeds())))
+def line_figures(speeds: list[LineSpeed], arguments: list[str] | None = None) -> dict[str, Any]:
+    """The speeds with where they were measured, as plain values."""
+    return {"lines": [asdict(speed) for speed in speeds], "provenance": provenance(arguments)}

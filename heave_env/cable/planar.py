@@ -297,96 +297,112 @@ def _eliminate(equations):
         load[i, 1] -= upper[i, 1, 0] * p + upper[i, 1, 1] * q
 
 
+@njit(error_model="numpy")
+def _newton(numbers, step, increment, tension):
+    """Newton on the increments, which hold the first trial and the sheave's own; fills `tension`.
+
+    Returns whether it settled, and the largest force that was missing before the last correction.
+    """
+    n, missing = len(tension), np.inf
+    equations = _Equations(
+        force=np.empty((n, 2)),
+        slope=np.empty((n, 2, 2)),
+        lower=np.empty((n, 2, 2)),
+        diagonal=np.empty((n, 2, 2)),
+        upper=np.empty((n, 2, 2)),
+        load=np.empty((n, 2)),
+    )
+    correction = equations.load
+    for _ in range(_MAX_ITERATIONS):
+        _pull_elements(numbers, step, increment, equations, tension)
+        _assemble(numbers, step, increment, equations)
+        missing = np.abs(correction).max()
+        _eliminate(equations)
+        largest = np.abs(correction).max()
+        if not np.isfinite(largest):
+            return False, missing
+        # A static shape far away is approached in strides that leave the elements their direction.
+        far = step.still and largest > 0.5 * step.new_length
+        increment[:n] += (0.5 * step.new_length / largest if far else 1.0) * correction
+        if largest <= _SETTLED * step.new_length / n:
+            _pull_elements(numbers, step, increment, equations, tension)
+            return True, missing
+    return False, missing
+
+
+@njit(error_model="numpy")
+def _advance(numbers, position, velocity, top, old_length, new_length, time, dt, tension):
+    """One step in place, to the sheave at `top` (2,); nothing changes if it does not settle."""
+    n = len(tension)
+    beta = 2.0 / dt
+    kappa = (new_length - old_length) / dt / (0.5 * (old_length + new_length))
+    increment = np.empty((n + 1, 2))
+    for axis in range(2):
+        for i in range(n):
+            low = i - 1 if i > 0 else 0
+            gradient = 0.5 * n * (position[i + 1, axis] - position[low, axis])
+            increment[i, axis] = (velocity[i, axis] + i / n * kappa * gradient) / beta
+        increment[n, axis] = 0.5 * (top[axis] - position[n, axis])
+    current = between_knots(time + 0.5 * dt, numbers.current_time, numbers.current_factor)
+    step = _Step(position, velocity, old_length, new_length, dt, False, current)
+    settled, missing = _newton(numbers, step, increment, tension)
+    if not settled:
+        return False, missing
+    for axis in range(2):
+        at_low = position[0, axis] + increment[0, axis]
+        for i in range(n + 1):
+            at = position[i, axis] + increment[i, axis]
+            mean = beta * increment[i, axis]
+            if i < n:
+                at_up = position[i + 1, axis] + increment[i + 1, axis]
+                mean -= i / n * kappa * 0.5 * n * (at_up - at_low)
+                velocity[i, axis] = 2.0 * mean - velocity[i, axis]
+            else:
+                velocity[i, axis] = mean - kappa * n * (at - at_low)
+            at_low = at
+    for axis in range(2):
+        for i in range(n):
+            position[i, axis] += 2.0 * increment[i, axis]
+        position[n, axis] = top[axis]
+    return True, missing
+
+
+@njit(error_model="numpy")
+def _note_row(position, velocity, tension, tension_only, row):
+    """Fills one row of a record's table."""
+    n = len(tension)
+    second, last_but_one = min(1, n - 1), max(0, n - 2)
+    end = 1.5 * tension[0] - 0.5 * tension[second]
+    top = 1.5 * tension[n - 1] - 0.5 * tension[last_but_one]
+    if tension_only:
+        end, top = max(end, 0.0), max(top, 0.0)
+    angles = np.empty(2)
+    for k in range(2):
+        j = n - 1 if k == 0 else last_but_one
+        dx, dz = position[j + 1, 0] - position[j, 0], position[j + 1, 1] - position[j, 1]
+        angles[k] = math.atan2(-dx, dz)
+    row[0], row[1] = position[0, 0], position[0, 1]
+    row[2], row[3] = velocity[0, 0], velocity[0, 1]
+    row[4], row[5] = top, 1.5 * angles[0] - 0.5 * angles[1]
+    row[6] = end
+    row[7], row[8] = min(tension.min(), min(end, top)), max(tension.max(), max(end, top))
+
+
 def _make_compiled(fingerprint: int):
+    """The entries from Python, which numba keeps: a kept function must not hold another in its closure."""
+
     @njit(cache=True, error_model="numpy")
     def settle(numbers, step, increment, tension):
-        """Newton on the increments, which hold the first trial and the sheave's own; fills `tension`.
-
-        Returns whether it settled, and the largest force that was missing before the last correction.
-        """
-        n, missing = len(tension), np.inf
-        equations = _Equations(
-            force=np.empty((n, 2)),
-            slope=np.empty((n, 2, 2)),
-            lower=np.empty((n, 2, 2)),
-            diagonal=np.empty((n, 2, 2)),
-            upper=np.empty((n, 2, 2)),
-            load=np.empty((n, 2)),
-        )
-        correction = equations.load
+        """Newton on the increments, from Python."""
         if fingerprint == 0:
-            return False, missing
-        for _ in range(_MAX_ITERATIONS):
-            _pull_elements(numbers, step, increment, equations, tension)
-            _assemble(numbers, step, increment, equations)
-            missing = np.abs(correction).max()
-            _eliminate(equations)
-            largest = np.abs(correction).max()
-            if not np.isfinite(largest):
-                return False, missing
-            # A static shape far away is approached in strides that leave the elements their direction.
-            far = step.still and largest > 0.5 * step.new_length
-            increment[:n] += (0.5 * step.new_length / largest if far else 1.0) * correction
-            if largest <= _SETTLED * step.new_length / n:
-                _pull_elements(numbers, step, increment, equations, tension)
-                return True, missing
-        return False, missing
-
-    @njit(cache=True, error_model="numpy")
-    def advance(numbers, position, velocity, top, old_length, new_length, time, dt, tension):
-        """One step in place, to the sheave at `top` (2,); nothing changes if it does not settle."""
-        n = len(tension)
-        beta = 2.0 / dt
-        kappa = (new_length - old_length) / dt / (0.5 * (old_length + new_length))
-        increment = np.empty((n + 1, 2))
-        for axis in range(2):
-            for i in range(n):
-                low = i - 1 if i > 0 else 0
-                gradient = 0.5 * n * (position[i + 1, axis] - position[low, axis])
-                increment[i, axis] = (velocity[i, axis] + i / n * kappa * gradient) / beta
-            increment[n, axis] = 0.5 * (top[axis] - position[n, axis])
-        current = between_knots(time + 0.5 * dt, numbers.current_time, numbers.current_factor)
-        step = _Step(position, velocity, old_length, new_length, dt, False, current)
-        settled, missing = settle(numbers, step, increment, tension)
-        if not settled:
-            return False, missing
-        for axis in range(2):
-            at_low = position[0, axis] + increment[0, axis]
-            for i in range(n + 1):
-                at = position[i, axis] + increment[i, axis]
-                mean = beta * increment[i, axis]
-                if i < n:
-                    at_up = position[i + 1, axis] + increment[i + 1, axis]
-                    mean -= i / n * kappa * 0.5 * n * (at_up - at_low)
-                    velocity[i, axis] = 2.0 * mean - velocity[i, axis]
-                else:
-                    velocity[i, axis] = mean - kappa * n * (at - at_low)
-                at_low = at
-        for axis in range(2):
-            for i in range(n):
-                position[i, axis] += 2.0 * increment[i, axis]
-            position[n, axis] = top[axis]
-        return True, missing
+            return False, np.inf
+        return _newton(numbers, step, increment, tension)
 
     @njit(cache=True, error_model="numpy")
     def note(position, velocity, tension, tension_only, row):
-        """Fills one row of a record's table."""
-        n = len(tension)
-        second, last_but_one = min(1, n - 1), max(0, n - 2)
-        end = 1.5 * tension[0] - 0.5 * tension[second]
-        top = 1.5 * tension[n - 1] - 0.5 * tension[last_but_one]
-        if tension_only:
-            end, top = max(end, 0.0), max(top, 0.0)
-        angles = np.empty(2)
-        for k in range(2):
-            j = n - 1 if k == 0 else last_but_one
-            dx, dz = position[j + 1, 0] - position[j, 0], position[j + 1, 1] - position[j, 1]
-            angles[k] = math.atan2(-dx, dz)
-        row[0], row[1] = position[0, 0], position[0, 1]
-        row[2], row[3] = velocity[0, 0], velocity[0, 1]
-        row[4], row[5] = top, 1.5 * angles[0] - 0.5 * angles[1]
-        row[6] = end
-        row[7], row[8] = min(tension.min(), min(end, top)), max(tension.max(), max(end, top))
+        """Fills one row of a record's table, from Python."""
+        if fingerprint != 0:
+            _note_row(position, velocity, tension, tension_only, row)
 
     @njit(cache=True, error_model="numpy")
     def march(numbers, position, velocity, tension, sheave, length, time, dt, out, every, shapes):
@@ -394,8 +410,10 @@ def _make_compiled(fingerprint: int):
 
         Returns the step that did not settle even in its smallest parts, or -1, and what was missing.
         """
+        if fingerprint == 0:
+            return 0, np.inf
         part_tension, mean, top = np.empty_like(tension), np.empty_like(tension), np.empty(2)
-        note(position, velocity, tension, numbers.tension_only, out[0])
+        _note_row(position, velocity, tension, numbers.tension_only, out[0])
         if every > 0:
             shapes[0] = position
         for k in range(1, len(sheave)):
@@ -409,7 +427,7 @@ def _make_compiled(fingerprint: int):
                 goal_length = length[k - 1] + goal * (length[k] - length[k - 1])
                 size = (goal - done) * dt
                 instant = time + (k - 1 + done) * dt
-                settled, missing = advance(
+                settled, missing = _advance(
                     numbers, position, velocity, top, start_length, goal_length, instant, size, part_tension
                 )
                 if settled:
@@ -421,7 +439,7 @@ def _make_compiled(fingerprint: int):
                         return k, missing
             position[len(tension)] = sheave[k]
             tension[:] = mean
-            note(position, velocity, tension, numbers.tension_only, out[k])
+            _note_row(position, velocity, tension, numbers.tension_only, out[k])
             if every > 0 and k % every == 0:
                 shapes[k // every] = position
         return -1, 0.0

@@ -163,222 +163,228 @@ def _body_load(z, factor, weight, drag_factor, knots, load, by_height):
     by_height[2] = 0.0
 
 
-def _make_solver(fingerprint: int):
-    @njit(cache=True, error_model="numpy")
-    def eliminate(band, right):
-        """Solves a banded system in place, with row exchanges; row i holds columns i - 8 to i + 16."""
-        n, b = len(right), _BAND
-        for c in range(n):
-            last = min(n - 1, c + b)
-            pivot, best = c, abs(band[c, b])
-            for i in range(c + 1, last + 1):
-                if abs(band[i, c - i + b]) > best:
-                    pivot, best = i, abs(band[i, c - i + b])
-            if not best > 0.0 or fingerprint == 0:
-                return False
-            end = min(n - 1, c + 2 * b)
-            if pivot != c:
-                for j in range(c, end + 1):
-                    kept = band[c, j - c + b]
-                    band[c, j - c + b] = band[pivot, j - pivot + b]
-                    band[pivot, j - pivot + b] = kept
-                right[c], right[pivot] = right[pivot], right[c]
-            for i in range(c + 1, last + 1):
-                share = band[i, c - i + b] / band[c, b]
-                if share != 0.0:
-                    for j in range(c + 1, end + 1):
-                        band[i, j - i + b] -= share * band[c, j - c + b]
-                    right[i] -= share * right[c]
-        for c in range(n - 1, -1, -1):
-            for j in range(c + 1, min(n - 1, c + 2 * b) + 1):
-                right[c] -= band[c, j - c + b] * right[j]
-            right[c] /= band[c, b]
-        return True
+@njit(error_model="numpy")
+def _eliminate(band, right):
+    """Solves a banded system in place, with row exchanges; row i holds columns i - 8 to i + 16."""
+    n, b = len(right), _BAND
+    for c in range(n):
+        last = min(n - 1, c + b)
+        pivot, best = c, abs(band[c, b])
+        for i in range(c + 1, last + 1):
+            if abs(band[i, c - i + b]) > best:
+                pivot, best = i, abs(band[i, c - i + b])
+        if not best > 0.0:
+            return False
+        end = min(n - 1, c + 2 * b)
+        if pivot != c:
+            for j in range(c, end + 1):
+                kept = band[c, j - c + b]
+                band[c, j - c + b] = band[pivot, j - pivot + b]
+                band[pivot, j - pivot + b] = kept
+            right[c], right[pivot] = right[pivot], right[c]
+        for i in range(c + 1, last + 1):
+            share = band[i, c - i + b] / band[c, b]
+            if share != 0.0:
+                for j in range(c + 1, end + 1):
+                    band[i, j - i + b] -= share * band[c, j - c + b]
+                right[i] -= share * right[c]
+    for c in range(n - 1, -1, -1):
+        for j in range(c + 1, min(n - 1, c + 2 * b) + 1):
+            right[c] -= band[c, j - c + b] * right[j]
+        right[c] /= band[c, b]
+    return True
 
-    @njit(cache=True, error_model="numpy")
-    def balance(nodes, factor, segments, bodies, knots, ends, band, rest):
-        """Residual of all equations at `nodes` (n + 1, 6: position, force above), and its derivatives.
 
-        `segments` (n, 5): length, EA, weight, normal and tangential drag factor. `bodies` (n + 1, 2): weight,
-        drag factor. `ends` (2, 6): whether each component of the position is held, and where or with which
-        force. Returns the largest residual.
-        """
-        n = len(segments)
-        chord, load, point, slope = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-        below = np.empty(3)
-        by_a, by_b = np.empty((3, 3)), np.empty((3, 3))
-        by_low, by_high = np.empty((3, 3)), np.empty((3, 3))
-        band[:] = 0.0
-        _body_load(nodes[0, 2], factor, bodies[0, 0], bodies[0, 1], knots, point, slope)
+@njit(error_model="numpy")
+def _balance(nodes, factor, segments, bodies, knots, ends, band, rest):
+    """Residual of all equations at `nodes` (n + 1, 6: position, force above), and its derivatives.
+
+    `segments` (n, 5): length, EA, weight, normal and tangential drag factor. `bodies` (n + 1, 2): weight,
+    drag factor. `ends` (2, 6): whether each component of the position is held, and where or with which
+    force. Returns the largest residual.
+    """
+    n = len(segments)
+    chord, load, point, slope = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    below = np.empty(3)
+    by_a, by_b = np.empty((3, 3)), np.empty((3, 3))
+    by_low, by_high = np.empty((3, 3)), np.empty((3, 3))
+    band[:] = 0.0
+    _body_load(nodes[0, 2], factor, bodies[0, 0], bodies[0, 1], knots, point, slope)
+    for i in range(3):
+        if ends[0, i] > 0.0:
+            rest[i] = nodes[0, i] - ends[0, 3 + i]
+            band[i, _BAND] = 1.0
+        else:
+            rest[i] = nodes[0, 3 + i] + point[i] + ends[0, 3 + i]
+            band[i, 3 + _BAND] = 1.0
+            band[i, 2 - i + _BAND] += slope[i]
+    for s in range(n):
+        low, high = nodes[s], nodes[s + 1]
+        length, EA = segments[s, 0], segments[s, 1]
+        _body_load(high[2], factor, bodies[s + 1, 0], bodies[s + 1, 1], knots, point, slope)
+        weight, across, along = segments[s, 2], segments[s, 3], segments[s, 4]
+        _segment_load(low, high, factor, weight, across, along, knots, load, by_low, by_high)
         for i in range(3):
-            if ends[0, i] > 0.0:
-                rest[i] = nodes[0, i] - ends[0, 3 + i]
-                band[i, _BAND] = 1.0
-            else:
-                rest[i] = nodes[0, 3 + i] + point[i] + ends[0, 3 + i]
-                band[i, 3 + _BAND] = 1.0
-                band[i, 2 - i + _BAND] += slope[i]
-        for s in range(n):
-            low, high = nodes[s], nodes[s + 1]
-            length, EA = segments[s, 0], segments[s, 1]
-            _body_load(high[2], factor, bodies[s + 1, 0], bodies[s + 1, 1], knots, point, slope)
+            below[i] = high[3 + i] + point[i]
+        _chord(low[3:], below, chord, by_a, by_b)
+        first = _LOWER_ROWS + 6 * s
+        for i in range(3):
+            r, f = first + i, first + 3 + i
+            rest[r] = high[i] - low[i] - length * (chord[i] + 0.5 * (low[3 + i] + below[i]) / EA)
+            rest[f] = below[i] - low[3 + i] + length * load[i]
+            at_r, at_f = 6 * s - r + _BAND, 6 * s - f + _BAND  # where this segment's columns begin
+            band[r, at_r + i] -= 1.0
+            band[r, at_r + 6 + i] += 1.0
+            band[f, at_f + 3 + i] -= 1.0
+            band[f, at_f + 9 + i] += 1.0
+            band[f, at_f + 8] += slope[i]
+            for j in range(3):
+                stretch = 0.5 / EA if i == j else 0.0
+                of_below = length * (by_b[i, j] + stretch)
+                band[r, at_r + 3 + j] -= length * (by_a[i, j] + stretch)
+                band[r, at_r + 9 + j] -= of_below
+                band[r, at_r + 8] -= of_below * slope[j]
+                band[f, at_f + j] += length * by_low[i, j]
+                band[f, at_f + 6 + j] += length * by_high[i, j]
+    for i in range(3):
+        r = _LOWER_ROWS + 6 * n + i
+        held = ends[1, i] > 0.0
+        column = 6 * n + i + (0 if held else 3)
+        rest[r] = nodes[n, i if held else 3 + i] - ends[1, 3 + i]
+        band[r, column - r + _BAND] = 1.0
+    worst = 0.0
+    for r in range(len(rest)):
+        worst = max(worst, abs(rest[r]))
+        if rest[r] != rest[r]:
+            return np.inf
+    return worst
+
+
+@njit(error_model="numpy")
+def _hang(nodes, factor, segments, bodies, knots, ends):
+    """Rewrites `nodes` as the shape under loads frozen at their present values; its residual.
+
+    The chord is the gradient of a convex function of the lower end's force, so Newton with a line search
+    on its slope finds the one answer from anywhere.
+    """
+    n = len(segments)
+    chord, force, below = np.empty(3), np.empty(3), np.empty(3)
+    by_a, by_b = np.empty((3, 3)), np.empty((3, 3))
+    loads, points, unused = np.empty((n, 3)), np.empty((n + 1, 3)), np.empty(3)
+    total = np.zeros(3)
+    for s in range(n + 1):
+        _body_load(nodes[s, 2], factor, bodies[s, 0], bodies[s, 1], knots, points[s], unused)
+        if s > 0:
+            total += points[s]
+        if s < n:
             weight, across, along = segments[s, 2], segments[s, 3], segments[s, 4]
-            _segment_load(low, high, factor, weight, across, along, knots, load, by_low, by_high)
-            for i in range(3):
-                below[i] = high[3 + i] + point[i]
-            _chord(low[3:], below, chord, by_a, by_b)
-            first = _LOWER_ROWS + 6 * s
-            for i in range(3):
-                r, f = first + i, first + 3 + i
-                rest[r] = high[i] - low[i] - length * (chord[i] + 0.5 * (low[3 + i] + below[i]) / EA)
-                rest[f] = below[i] - low[3 + i] + length * load[i]
-                at_r, at_f = 6 * s - r + _BAND, 6 * s - f + _BAND  # where this segment's columns begin
-                band[r, at_r + i] -= 1.0
-                band[r, at_r + 6 + i] += 1.0
-                band[f, at_f + 3 + i] -= 1.0
-                band[f, at_f + 9 + i] += 1.0
-                band[f, at_f + 8] += slope[i]
-                for j in range(3):
-                    stretch = 0.5 / EA if i == j else 0.0
-                    of_below = length * (by_b[i, j] + stretch)
-                    band[r, at_r + 3 + j] -= length * (by_a[i, j] + stretch)
-                    band[r, at_r + 9 + j] -= of_below
-                    band[r, at_r + 8] -= of_below * slope[j]
-                    band[f, at_f + j] += length * by_low[i, j]
-                    band[f, at_f + 6 + j] += length * by_high[i, j]
+            low, high = nodes[s], nodes[s + 1]
+            _segment_load(low, high, factor, weight, across, along, knots, loads[s], by_a, by_b)
+            total += segments[s, 0] * loads[s]
+    start, wanted, free = np.empty(3), np.zeros(3), np.zeros(3)
+    for i in range(3):
+        if ends[0, i] > 0.0 and ends[1, i] > 0.0:
+            free[i], wanted[i] = 1.0, ends[1, 3 + i] - ends[0, 3 + i]
+            start[i] = 0.5 * total[i] + wanted[i]
+        elif ends[0, i] > 0.0:
+            start[i] = ends[1, 3 + i] + total[i]
+        else:
+            start[i] = -(points[0, i] + ends[0, 3 + i])
+    trial, step, reached, matrix = start.copy(), np.zeros(3), np.empty(3), np.zeros((3, 3))
+    low_share, high_share, share, falling, worst = 0.0, -1.0, 1.0, 0.0, np.inf
+    for _ in range(400):
         for i in range(3):
-            r = _LOWER_ROWS + 6 * n + i
-            held = ends[1, i] > 0.0
-            column = 6 * n + i + (0 if held else 3)
-            rest[r] = nodes[n, i if held else 3 + i] - ends[1, 3 + i]
-            band[r, column - r + _BAND] = 1.0
-        worst = 0.0
-        for r in range(len(rest)):
-            worst = max(worst, abs(rest[r]))
-            if rest[r] != rest[r]:
-                return np.inf
-        return worst
-
-    @njit(cache=True, error_model="numpy")
-    def hang(nodes, factor, segments, bodies, knots, ends):
-        """Rewrites `nodes` as the shape under loads frozen at their present values; its residual.
-
-        The chord is the gradient of a convex function of the lower end's force, so Newton with a line search
-        on its slope finds the one answer from anywhere.
-        """
-        n = len(segments)
-        chord, force, below = np.empty(3), np.empty(3), np.empty(3)
-        by_a, by_b = np.empty((3, 3)), np.empty((3, 3))
-        loads, points, unused = np.empty((n, 3)), np.empty((n + 1, 3)), np.empty(3)
-        total = np.zeros(3)
-        for s in range(n + 1):
-            _body_load(nodes[s, 2], factor, bodies[s, 0], bodies[s, 1], knots, points[s], unused)
-            if s > 0:
-                total += points[s]
-            if s < n:
-                weight, across, along = segments[s, 2], segments[s, 3], segments[s, 4]
-                low, high = nodes[s], nodes[s + 1]
-                _segment_load(low, high, factor, weight, across, along, knots, loads[s], by_a, by_b)
-                total += segments[s, 0] * loads[s]
-        start, wanted, free = np.empty(3), np.zeros(3), np.zeros(3)
-        for i in range(3):
-            if ends[0, i] > 0.0 and ends[1, i] > 0.0:
-                free[i], wanted[i] = 1.0, ends[1, 3 + i] - ends[0, 3 + i]
-                start[i] = 0.5 * total[i] + wanted[i]
-            elif ends[0, i] > 0.0:
-                start[i] = ends[1, 3 + i] + total[i]
-            else:
-                start[i] = -(points[0, i] + ends[0, 3 + i])
-        trial, step, reached, matrix = start.copy(), np.zeros(3), np.empty(3), np.zeros((3, 3))
-        low_share, high_share, share, falling, worst = 0.0, -1.0, 1.0, 0.0, np.inf
-        for _ in range(400):
-            for i in range(3):
-                trial[i] = start[i] + share * step[i]
-            force[:], reached[:], matrix[:] = trial, 0.0, 0.0
-            for s in range(n):
-                length, EA = segments[s, 0], segments[s, 1]
-                for i in range(3):
-                    below[i] = force[i] - length * loads[s, i]
-                _chord(force, below, chord, by_a, by_b)
-                for i in range(3):
-                    reached[i] += length * (chord[i] + 0.5 * (force[i] + below[i]) / EA)
-                    matrix[i, i] += length / EA
-                    for j in range(3):
-                        matrix[i, j] += length * (by_a[i, j] + by_b[i, j])
-                    force[i] = below[i] - points[s + 1, i]
-            slope = 0.0
-            for i in range(3):
-                slope += step[i] * free[i] * (reached[i] - wanted[i])
-            # Along the step the slope only rises: it must come near zero or stay below it.
-            if slope > 0.5 * falling and share > 1e-12 and falling > 0.0:
-                high_share = share
-                share = 0.5 * (low_share + high_share)
-                continue
-            start[:] = trial
-            worst = 0.0
-            for i in range(3):
-                if free[i] > 0.0:
-                    worst = max(worst, abs(reached[i] - wanted[i]))
-            if worst < 1e-13:
-                break
-            for i in range(3):
-                for j in range(3):
-                    if free[i] == 0.0 or free[j] == 0.0:
-                        matrix[i, j] = 1.0 if i == j else 0.0
-                step[i] = free[i] * (wanted[i] - reached[i])
-            step[:] = np.linalg.solve(matrix, step)
-            falling = 0.0
-            for i in range(3):
-                falling += step[i] * free[i] * (wanted[i] - reached[i])
-            low_share, high_share, share = 0.0, -1.0, 1.0
-        for i in range(3):
-            nodes[0, i] = ends[0, 3 + i] if ends[0, i] > 0.0 else ends[1, 3 + i] - reached[i]
-        nodes[0, 3:] = start
+            trial[i] = start[i] + share * step[i]
+        force[:], reached[:], matrix[:] = trial, 0.0, 0.0
         for s in range(n):
             length, EA = segments[s, 0], segments[s, 1]
             for i in range(3):
-                below[i] = nodes[s, 3 + i] - length * loads[s, i]
-            _chord(nodes[s, 3:], below, chord, by_a, by_b)
+                below[i] = force[i] - length * loads[s, i]
+            _chord(force, below, chord, by_a, by_b)
             for i in range(3):
-                stretched = chord[i] + 0.5 * (nodes[s, 3 + i] + below[i]) / EA
-                nodes[s + 1, i] = nodes[s, i] + length * stretched
-                nodes[s + 1, 3 + i] = below[i] - points[s + 1, i]
-        return worst
+                reached[i] += length * (chord[i] + 0.5 * (force[i] + below[i]) / EA)
+                matrix[i, i] += length / EA
+                for j in range(3):
+                    matrix[i, j] += length * (by_a[i, j] + by_b[i, j])
+                force[i] = below[i] - points[s + 1, i]
+        slope = 0.0
+        for i in range(3):
+            slope += step[i] * free[i] * (reached[i] - wanted[i])
+        # Along the step the slope only rises: it must come near zero or stay below it.
+        if slope > 0.5 * falling and share > 1e-12 and falling > 0.0:
+            high_share = share
+            share = 0.5 * (low_share + high_share)
+            continue
+        start[:] = trial
+        worst = 0.0
+        for i in range(3):
+            if free[i] > 0.0:
+                worst = max(worst, abs(reached[i] - wanted[i]))
+        if worst < 1e-13:
+            break
+        for i in range(3):
+            for j in range(3):
+                if free[i] == 0.0 or free[j] == 0.0:
+                    matrix[i, j] = 1.0 if i == j else 0.0
+            step[i] = free[i] * (wanted[i] - reached[i])
+        step[:] = np.linalg.solve(matrix, step)
+        falling = 0.0
+        for i in range(3):
+            falling += step[i] * free[i] * (wanted[i] - reached[i])
+        low_share, high_share, share = 0.0, -1.0, 1.0
+    for i in range(3):
+        nodes[0, i] = ends[0, 3 + i] if ends[0, i] > 0.0 else ends[1, 3 + i] - reached[i]
+    nodes[0, 3:] = start
+    for s in range(n):
+        length, EA = segments[s, 0], segments[s, 1]
+        for i in range(3):
+            below[i] = nodes[s, 3 + i] - length * loads[s, i]
+        _chord(nodes[s, 3:], below, chord, by_a, by_b)
+        for i in range(3):
+            stretched = chord[i] + 0.5 * (nodes[s, 3 + i] + below[i]) / EA
+            nodes[s + 1, i] = nodes[s, i] + length * stretched
+            nodes[s + 1, 3 + i] = below[i] - points[s + 1, i]
+    return worst
 
-    @njit(cache=True, error_model="numpy")
-    def settle(nodes, factor, segments, bodies, knots, ends, tolerance):
-        """Newton with a line search on all equations; rewrites `nodes`. Returns residual and count.
 
-        Past the tolerance it goes on for as long as full steps help, which is down to rounding.
-        """
-        n = len(segments)
-        size = 6 * (n + 1)
-        band, rest = np.empty((size, 3 * _BAND + 1)), np.empty(size)
-        trial, other = np.empty_like(nodes), np.empty(size)
-        worst = balance(nodes, factor, segments, bodies, knots, ends, band, rest)
-        count = 0
-        while count < 60:
-            polish = worst < tolerance
-            size_of_rest = np.sum(rest * rest)
-            if not eliminate(band, rest) or not np.all(np.isfinite(rest)):
+@njit(error_model="numpy")
+def _settle(nodes, factor, segments, bodies, knots, ends, tolerance):
+    """Newton with a line search on all equations; rewrites `nodes`. Returns residual and count.
+
+    Past the tolerance it goes on for as long as full steps help, which is down to rounding.
+    """
+    n = len(segments)
+    size = 6 * (n + 1)
+    band, rest = np.empty((size, 3 * _BAND + 1)), np.empty(size)
+    trial, other = np.empty_like(nodes), np.empty(size)
+    worst = _balance(nodes, factor, segments, bodies, knots, ends, band, rest)
+    count = 0
+    while count < 60:
+        polish = worst < tolerance
+        size_of_rest = np.sum(rest * rest)
+        if not _eliminate(band, rest) or not np.all(np.isfinite(rest)):
+            break
+        share, better = 1.0, False
+        for _ in range(9):
+            for s in range(n + 1):
+                for i in range(6):
+                    trial[s, i] = nodes[s, i] - share * rest[6 * s + i]
+            found = _balance(trial, factor, segments, bodies, knots, ends, band, other)
+            if np.isfinite(found) and np.sum(other * other) < (1.0 - 0.2 * share) * size_of_rest:
+                better = True
                 break
-            share, better = 1.0, False
-            for _ in range(9):
-                for s in range(n + 1):
-                    for i in range(6):
-                        trial[s, i] = nodes[s, i] - share * rest[6 * s + i]
-                found = balance(trial, factor, segments, bodies, knots, ends, band, other)
-                if np.isfinite(found) and np.sum(other * other) < (1.0 - 0.2 * share) * size_of_rest:
-                    better = True
-                    break
-                if polish:
-                    break
-                share *= 0.5
-            count += 1
-            if not better:
+            if polish:
                 break
-            nodes[:], rest[:], worst = trial, other, found
-        return worst, count
+            share *= 0.5
+        count += 1
+        if not better:
+            break
+        nodes[:], rest[:], worst = trial, other, found
+    return worst, count
+
+
+def _make_solver(fingerprint: int):
+    """The entries from Python, which numba keeps: a kept function must not hold another in its closure."""
 
     @njit(cache=True, error_model="numpy")
     def find(nodes, started, segments, bodies, knots, ends, tolerance):
@@ -387,23 +393,25 @@ def _make_solver(fingerprint: int):
         From `nodes` if they are a guess; else from the shape under drag frozen a few times; else, from still
         water on, with the current raised step by step, as Huang (1992), 2.5, does.
         """
+        if fingerprint == 0:
+            return np.inf, 0, 0.0
         straight, count = nodes.copy(), 0
         if started:
-            worst, count = settle(nodes, 1.0, segments, bodies, knots, ends, tolerance)
+            worst, count = _settle(nodes, 1.0, segments, bodies, knots, ends, tolerance)
             if worst < tolerance:
                 return worst, count, 1.0
-            hang(straight, 0.0, segments, bodies, knots, ends)
+            _hang(straight, 0.0, segments, bodies, knots, ends)
         for rounds in (1, 5):
             nodes[:] = straight
             for _ in range(rounds):
-                hang(nodes, 1.0, segments, bodies, knots, ends)
-            worst, more = settle(nodes, 1.0, segments, bodies, knots, ends, tolerance)
+                _hang(nodes, 1.0, segments, bodies, knots, ends)
+            worst, more = _settle(nodes, 1.0, segments, bodies, knots, ends, tolerance)
             count += more
             if worst < tolerance:
                 return worst, count, 1.0
         reached, step = 0.0, 0.25
         nodes[:] = straight
-        hang(nodes, 1e-3, segments, bodies, knots, ends)
+        _hang(nodes, 1e-3, segments, bodies, knots, ends)
         settled, before, reached_before = nodes.copy(), nodes.copy(), 0.0
         worst = np.inf
         while step > 1e-4 and count < 3000:
@@ -411,7 +419,7 @@ def _make_solver(fingerprint: int):
             nodes[:] = settled
             if reached_before > 0.0:
                 nodes += (factor - reached) / (reached - reached_before) * (settled - before)
-            worst, more = settle(nodes, factor, segments, bodies, knots, ends, tolerance)
+            worst, more = _settle(nodes, factor, segments, bodies, knots, ends, tolerance)
             count += more
             if worst < tolerance:
                 before[:], settled[:] = settled, nodes
@@ -427,6 +435,8 @@ def _make_solver(fingerprint: int):
     def sample(at, arc_length, position, force, load, EA):
         """Position and tension vector at any arc lengths, exact within each segment; (n_points, 6)."""
         out = np.empty((len(at), 6))
+        if fingerprint == 0:
+            return out
         chord, by_a, by_b = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
         for p in range(len(at)):
             s = min(max(np.searchsorted(arc_length, at[p], side="right") - 1, 0), len(EA) - 1)

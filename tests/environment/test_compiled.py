@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import importlib
 import os
 import shutil
 import subprocess
@@ -9,6 +10,8 @@ import sys
 from pathlib import Path
 
 import pytest
+from numba.core.caching import NullCache
+from numba.core.dispatcher import Dispatcher
 
 from heave_env import compiled
 
@@ -75,3 +78,20 @@ def test_an_edited_stage_is_compiled_anew(tmp_path):
     winch.write_text(edited)
     assert before == pytest.approx(2.0 * 0.8647 / 2.0, abs=1e-3)
     assert displacement() == pytest.approx(1.0)
+
+
+def test_what_is_kept_on_disk_is_found_again():
+    # Numba keys its cache by a closure's content, and another compiled function there is new in each process.
+    package = Path(compiled.__file__).parent
+    kept = []
+    for path in package.rglob("*.py"):
+        if "cache=True" not in path.read_text(encoding="utf-8"):
+            continue
+        name = ".".join(("heave_env", *path.relative_to(package).with_suffix("").parts))
+        for found in vars(importlib.import_module(name)).values():
+            for function in found if isinstance(found, tuple) else (found,):
+                if isinstance(function, Dispatcher) and not isinstance(function._cache, NullCache):
+                    kept.append(f"{name}.{function.py_func.__name__}")
+                    cells = function.py_func.__closure__ or ()
+                    assert not any(isinstance(cell.cell_contents, Dispatcher) for cell in cells), kept[-1]
+    assert len(kept) > 8
