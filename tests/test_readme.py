@@ -1,4 +1,4 @@
-"""What the README shows works as it stands."""
+"""What the README and the solvers' pages show works as it stands, and links lead somewhere."""
 
 import re
 import subprocess
@@ -9,10 +9,18 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 README = (ROOT / "README.md").read_text(encoding="utf-8")
-EXAMPLES = re.findall(r"```python\n(.*?)```", README, re.DOTALL)
+PAGES = sorted(path.relative_to(ROOT).as_posix() for path in (*ROOT.glob("*.md"), *ROOT.glob("docs/**/*.md")))
+EXAMPLES = [
+    pytest.param(example, id=f"{page}-{i}")
+    for page in PAGES
+    if page == "README.md" or page.startswith("docs/solvers/")
+    for i, example in enumerate(
+        re.findall(r"```python\n(.*?)```", (ROOT / page).read_text(encoding="utf-8"), re.DOTALL)
+    )
+]
 
 
-@pytest.mark.parametrize("example", EXAMPLES, ids=["one", "many", "stable_baselines3"])
+@pytest.mark.parametrize("example", EXAMPLES)
 def test_the_example_runs(example):
     done = subprocess.run(
         [sys.executable, "-c", example], capture_output=True, text=True, cwd=ROOT, check=False, timeout=300
@@ -20,7 +28,7 @@ def test_the_example_runs(example):
     assert done.returncode == 0, done.stderr
 
 
-@pytest.mark.parametrize("page", ["README.md", "CONTRIBUTING.md", "CHANGELOG.md", "docs/architecture.md"])
+@pytest.mark.parametrize("page", PAGES)
 def test_links_lead_somewhere(page):
     for target in re.findall(r"\]\(([^)#]+)", (ROOT / page).read_text(encoding="utf-8")):
         if "://" not in target:
