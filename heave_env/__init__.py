@@ -10,7 +10,7 @@ import gymnasium as _gymnasium
 from heave_env import scenarios as _scenarios
 from heave_env.scenarios import Scenario, load
 
-__version__ = "0.1.0"
+__version__ = "0.2.0"
 
 __all__ = ["Scenario", "__version__", "load"]
 
