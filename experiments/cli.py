@@ -56,7 +56,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"heave: this needs the package {error.name!r}; install it with pip", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        resumes = options.run in (_train, _demo, _validate, _reproduce)
+        resumes = options.run in (_train, _demo, _validate, _reproduce, _operability)
         hint = "the same command goes on from there" if resumes else "nothing half-written was left behind"
         print(f"heave: interrupted; {hint}", file=sys.stderr)
         return INTERRUPTED
@@ -184,6 +184,49 @@ def parser() -> Parser:
         "heave report runs/mine",
     )
     report.add_argument("folder", metavar="DIR", help="folder that heave compare or heave demo wrote")
+
+    operable = verb(
+        "operability",
+        _operability,
+        "in which seas of a scatter diagram work may go on, by controller, under limits of yours",
+        "heave operability sea_state_5 --controllers none,lqg --limits payload_heave_std=0.1 --out runs/seas",
+    )
+    _add_scenario(operable)
+    _add_set(operable)
+    operable.add_argument(
+        "--controllers",
+        default="none,lqg",
+        metavar="A,B,...",
+        help="designs and agent:RUN, separated by commas (none,lqg)",
+    )
+    operable.add_argument(
+        "--scatter",
+        default="synthetic_scatter.csv",
+        metavar="FILE.csv",
+        help="significant_wave_height, peak_period and occurrence of each class (a computed example)",
+    )
+    operable.add_argument(
+        "--limits",
+        required=True,
+        metavar="METRIC=VALUE,...",
+        help="what a class must keep, in SI, as payload_heave_std=0.1,tension_peak=2e5",
+    )
+    operable.add_argument(
+        "--quantile", type=float, metavar="Q", help="share of its seas that must keep them (their mean must)"
+    )
+    operable.add_argument(
+        "--design",
+        choices=("fixed", "each"),
+        default="fixed",
+        help="controllers designed once, for the scenario's own sea, or for each class (fixed)",
+    )
+    operable.add_argument(
+        "--seeds", type=int, default=16, metavar="N", help="seas of each class: the first N test seas (16)"
+    )
+    operable.add_argument("--duration", type=_seconds, metavar="S", help="length of an episode [s] (400)")
+    operable.add_argument(
+        "--out", required=True, metavar="DIR", help="folder for the results; it resumes what it holds"
+    )
 
     identify = verb(
         "identify",
@@ -709,6 +752,39 @@ def _print_tables(out: Path) -> None:
                 markup=False,
             )
     print(f"report: {out / runs.REPORT_FILE}")
+
+
+def _operability(options: argparse.Namespace) -> None:
+    from experiments import operability, runs
+    from experiments.operability_page import share_text
+
+    scenario = scenario_of(options.scenario, options.settings)
+    with Bars() as advance:
+        out = operability.operability(
+            scenario,
+            options.controllers.split(","),
+            limits=options.limits,
+            n_seeds=options.seeds,
+            out=options.out,
+            scatter=options.scatter,
+            quantile=options.quantile,
+            design=options.design,
+            duration=options.duration,
+            arguments=options.arguments,
+            progress=lambda label, count, total: advance(scenario.name, label, count, total),
+        )
+    told = runs.read_json(out / operability.SUMMARY_FILE)
+    alone = [f"if only {metric} [%]" for metric in told["limits"]]
+    table = _table("controller", "operable [%]", *alone, "classes", "undecided", "seas failed", wide="")
+    for label, item in told["controllers"].items():
+        shares = [f"{value:.1f}" for value in item["limits"].values()]
+        counts = (f"{item['n_operable']} of {told['n_cells']}", item["n_undecided"], item["n_failed"])
+        table.add_row(label, share_text(item), *shares, *map(str, counts))
+    _print(table)
+    print(
+        f"{told['n_cells']} classes of {told['scatter']}, {told['n_seeds']} seas each, by their "
+        f"{told['statistic']}: {out / operability.PAGE_FILE}"
+    )
 
 
 def _report(options: argparse.Namespace) -> None:

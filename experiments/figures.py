@@ -36,6 +36,7 @@ STYLE: dict[str, Any] = {
     "ytick.color": "#4a505a",
     "legend.frameon": False,
     "lines.linewidth": 1.4,
+    "hatch.linewidth": 0.7,
     "svg.hashsalt": "heave",
     "svg.fonttype": "path",
     "path.simplify_threshold": 0.4,
@@ -333,4 +334,151 @@ def distribution(heave_std: dict[str, Array]) -> str:
     axis.grid(axis="y", visible=False)
     axis.set_xlabel("std of payload heave in a sea [m]; long bar median, short bar 95 %, arrow maximum")
     axis.set_title("Every sea counts")
+    return _drawn(figure)
+
+
+MAP_COLUMNS = 3
+"""Maps side by side."""
+NUMBERED = 12
+"""Periods up to which the classes of a map bear their numbers."""
+
+
+def _map_grid(heights: Sequence[float], periods: Sequence[float], n_maps: int) -> tuple[Any, list[Any]]:
+    """A figure with a map for each controller: classes in equal boxes, heights upwards."""
+    columns = min(n_maps, MAP_COLUMNS)
+    rows = math.ceil(n_maps / columns)
+    width = 8.4 if columns > 1 else 5.2
+    tall = min(max(0.27 * len(heights), 1.6), 4.2) + 0.75
+    figure, axes = _figure(
+        rows, columns, figsize=(width, tall * rows), sharex=True, sharey=True, squeeze=False
+    )
+    places = list(axes.flat)
+    for axis in places:
+        axis.grid(False)
+        for name, values in (("x", periods), ("y", heights)):
+            step = math.ceil(len(values) / 14)
+            ticks = range(0, len(values), step)
+            getattr(axis, f"set_{name}ticks")(ticks, [f"{values[i]:g}" for i in ticks], fontsize=8)
+        axis.set_xlim(-0.5, len(periods) - 0.5)
+        axis.set_ylim(-0.5, len(heights) - 0.5)
+        axis.tick_params(length=0)
+    for axis in places[n_maps:]:
+        axis.set_axis_off()
+    for axis in axes[:, 0]:
+        axis.set_ylabel("Hs [m]")
+    for i in range(max(0, n_maps - columns), n_maps):
+        places[i].set_xlabel("Tp [s]")
+        places[i].tick_params(labelbottom=True)
+    return figure, places
+
+
+def _hatched(axis: Any, where: Array, colour: str) -> None:
+    from matplotlib.patches import Rectangle
+
+    for i, j in zip(*np.nonzero(where), strict=True):
+        box = Rectangle((j - 0.5, i - 0.5), 1.0, 1.0, fill=False, hatch="///", lw=0.0, ec=colour)
+        axis.add_patch(box)
+
+
+def _written(axis: Any, at: tuple[int, int], text: str, *, dark: bool = False) -> None:
+    """Writes on a class, legible on its colour and on a hatch."""
+    from matplotlib.patheffects import withStroke
+
+    ink, halo = ("#ffffff", "#1d3557") if dark else ("#20242b", "#ffffff")
+    around = [withStroke(linewidth=1.6, foreground=halo, alpha=0.6)]
+    axis.text(at[1], at[0], text, ha="center", va="center", fontsize=7, color=ink, path_effects=around)
+
+
+def _brief(value: float) -> str:
+    """A number in at most four characters or so."""
+    if value == 0.0:
+        return "0"
+    if 0.0 < value < 0.0095:
+        return "<.01"
+    decimals = 0 if abs(value) >= 9.95 else (1 if abs(value) >= 0.995 else 2)
+    return f"{value:.{decimals}f}".replace("-", "−")
+
+
+@_styled
+def operable_maps(
+    heights: Sequence[float], periods: Sequence[float], share: Array, states: dict[str, Array]
+) -> str:
+    """In which classes of a scatter diagram work may go on, a map for each controller.
+
+    Args:
+        heights: Significant wave heights [m], increasing.
+        periods: Peak periods [s], increasing.
+        share: Occurrence of the classes [%], (n_heights, n_periods), NaN where there is none.
+        states: By controller 1 where operable, 0 where not, and a half more where more seas could turn it.
+    """
+    from matplotlib.colors import ListedColormap
+    from matplotlib.patches import Patch
+
+    figure, places = _map_grid(heights, periods, len(states))
+    no, yes = "#e9a3ab", "#8fd0a9"
+    for axis, (label, state) in zip(places, states.items(), strict=False):
+        operable = np.where(np.isnan(state), np.nan, np.floor(state))
+        axis.imshow(operable, origin="lower", aspect="auto", cmap=ListedColormap([no, yes]), vmin=0, vmax=1)
+        _hatched(axis, np.isin(state, (0.5, 1.5)), "#ffffff")
+        axis.set_title(label)
+        if len(periods) <= NUMBERED:
+            for i, j in zip(*np.nonzero(~np.isnan(state)), strict=True):
+                _written(axis, (i, j), _brief(share[i, j]))
+    handles = [Patch(fc=yes, label="operable"), Patch(fc=no, label="not operable")]
+    if any(np.isin(state, (0.5, 1.5)).any() for state in states.values()):
+        handles.append(Patch(fc="#c8ccd2", ec="#ffffff", hatch="////", label="undecided"))
+    figure.legend(handles=handles, loc="outside lower center", ncols=len(handles))
+    return _drawn(figure)
+
+
+@_styled
+def sea_maps(
+    heights: Sequence[float],
+    periods: Sequence[float],
+    grids: dict[str, Array],
+    title: str,
+    unit: str,
+    broken: dict[str, Array],
+    failed: dict[str, Array],
+) -> str:
+    """A quantity over the classes of a scatter diagram, a map for each controller on one scale of colours.
+
+    Args:
+        heights: Significant wave heights [m], increasing.
+        periods: Peak periods [s], increasing.
+        grids: The quantity by controller, (n_heights, n_periods); NaN where there is no class.
+        title: What it is.
+        unit: Its unit; metres are shown as mm where that reads better.
+        broken: By controller, where it breaks a limit.
+        failed: By controller, where it has no number since seas failed.
+    """
+    from matplotlib.colors import LogNorm, Normalize
+
+    figure, places = _map_grid(heights, periods, len(grids))
+    finite = np.concatenate([grid[np.isfinite(grid)] for grid in grids.values()])
+    low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
+    factor = 1.0
+    if unit == "m":
+        factor, unit = _metres(high if low > 0.02 else 0.1)
+    low, high = factor * low, factor * high
+    wide = low > 0.0 and high > 30.0 * low
+    low = low if wide or low < 0.0 or high < 3.0 * low else 0.0
+    norm: Any = LogNorm(low, high) if wide else Normalize(low, high if high > low else low + 1.0)
+    image = None
+    for axis, (label, grid) in zip(places, grids.items(), strict=False):
+        shown = np.where(np.isfinite(grid), factor * grid, np.nan)
+        image = axis.imshow(shown, origin="lower", aspect="auto", cmap="YlGnBu", norm=norm)
+        axis.set_title(label)
+        _hatched(axis, np.nan_to_num(broken[label]) > 0.0, "#c2334a")
+        if len(periods) > NUMBERED:
+            continue
+        for i, j in zip(*np.nonzero(~np.isnan(grid)), strict=True):
+            text = "failed" if failed[label][i, j] else _brief(shown[i, j])
+            dark = np.isfinite(shown[i, j]) and norm(shown[i, j]) > 0.6
+            _written(axis, (i, j), text, dark=bool(dark))
+    if image is not None:
+        bar = figure.colorbar(image, ax=places, pad=0.015, aspect=28)
+        bar.set_label("-" if unit == "-" else f"[{unit}]")
+        bar.outline.set_visible(False)
+    figure.suptitle(title, x=0.02, ha="left", fontsize=10.5, fontweight="bold")
     return _drawn(figure)

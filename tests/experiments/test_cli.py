@@ -20,6 +20,7 @@ VERBS = (
     "train",
     "compare",
     "report",
+    "operability",
     "identify",
     "cases",
     "solve",
