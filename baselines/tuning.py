@@ -40,9 +40,9 @@ WEIGHT_FACTORS = (100.0, 10.0, 1000.0, 1.0, 1e4)
 MISMATCH_FACTORS = (1.0, 0.1, 10.0, 0.01, 100.0)
 """Multiples of a filter's doubt of its model that are tried with each [-]."""
 CAUTION = 1.15
-"""On a cable, of the choices within this factor of the least cost the one with the largest weights is taken,
-then that with the largest doubt [-]: the least may lie on the brink of a limit cycle that other seas set
-off."""
+"""On a cable, of the choices within this factor of the least cost the one with the largest weight is taken,
+then that with the largest doubt [-]: the least may lie on the brink of a limit cycle that other seas set off.
+A winch with limits has its weight on the speed against that, and the least is taken."""
 SPEED_FACTORS = (0.0, 0.1, 0.3, 1.0, 3.0)
 """Weights of the winch's speed that are tried where it has limits, times the position weight [s²]."""
 WEIGHTS_WITH_SPEED = (1.0, 10.0, 100.0)
@@ -139,7 +139,7 @@ def _search(name: str, designer: Designer, scenario: Scenario, options: dict[str
     doubts = (
         MISMATCH_FACTORS if estimates and not scenario.is_linear and "mismatch" not in options else (1.0,)
     )
-    caution = 1.0 if scenario.is_linear else CAUTION
+    caution = 1.0 if scenario.is_linear or scenario.winch.is_limited else CAUTION
     costs: dict[Choice, float] = {}
 
     def weights(choice: Choice) -> dict[str, float]:
