@@ -238,7 +238,7 @@ WRONG_COMMANDS = [
     (("simulate", "missing.yaml", "--out", "OUT"), "cannot read scenario file"),
     (("simulate", "sea_state_5"), "--out"),
     (("simulate", "sea_state_5", "--out", "."), "is a folder"),
-    (("simulate", "sea_state_5", "--controller", "pid", "--out", "OUT"), "unknown controller 'pid'"),
+    (("simulate", "sea_state_5", "--controller", "lqi", "--out", "OUT"), "unknown controller 'lqi'"),
     (("simulate", "sea_state_5", "--motion", "missing.csv", "--out", "OUT"), "cannot read motion file"),
     (("simulate", "sea_state_5", "--seed", "-1", "--out", "OUT"), "not negative"),
     (("simulate", "sea_state_5", "--duration", "nan", "--out", "OUT"), "positive number of seconds"),
