@@ -27,7 +27,7 @@ import numpy as np
 
 from baselines.kalman import kalman_filter
 from baselines.lqg import lqg, predicted_cost, sees_everything
-from baselines.model import continuous_model, sea_filter
+from baselines.model import continuous_model, plant_is_model, sea_filter
 from heave_env.scenarios import Scenario
 from heave_env.sea import discretised_noise
 
@@ -40,11 +40,12 @@ def optimal_cost(scenario: Scenario) -> float | None:
     """Least average stage cost E[q x_{k+1}² + r u0_k²] that a causal controller can reach in a scenario.
 
     Returns:
-        J by the trace formula [-], or None where it is not proven: a cable, a winch with limits, a sea that
-        is no shaping filter, or a command range below `RANGE_MARGIN` standard deviations of the optimal
-        command.
+        J by the trace formula [-], or None where it is not proven: the plant is more than the linear model
+        (a cable, limits, a second-order winch, sensors that err otherwise than by noise, drawn parameters),
+        the sea is no shaping filter, or the command range is below `RANGE_MARGIN` standard deviations of the
+        optimal command.
     """
-    if not scenario.is_linear or scenario.winch.is_limited or scenario.sea_state.kind != "shaping_filter":
+    if not plant_is_model(scenario) or scenario.sea_state.kind != "shaping_filter":
         return None
     best = lqg(scenario)
     assert best.performance is not None
@@ -74,12 +75,12 @@ def causal_horizon(scenario: Scenario) -> float:
 
 
 def causal_bound(scenario: Scenario) -> CausalBound | None:
-    """The bound of each output, or None where the sea is no white noise through a filter.
+    """The bound of each output, or None where the sea is no white noise through a filter, or is drawn.
 
     A finite sum of sinusoids, a record or a calm can be foreseen for ever: there is no such bound.
     """
     waves = sea_filter(scenario)
-    if waves is None or scenario.sea_state.kind != "shaping_filter":
+    if waves is None or scenario.sea_state.kind != "shaping_filter" or scenario.uncertainty:
         return None
     h = causal_horizon(scenario)
     _, gathered = waves.discretised(h)

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 from scipy.linalg import solve_discrete_lyapunov
 
-from baselines.model import LinearModel
+from baselines.model import LinearModel, plant_is_model
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
 
@@ -68,7 +68,7 @@ class LinearController:
     """r that the gain was designed with [1/m²]: the task's own, or a larger one (`baselines.tuning`)."""
 
     model_is_plant: bool = True
-    """Whether the linear model is the plant: no cable, no limits of the winch."""
+    """Whether the linear model is the plant (`baselines.model.plant_is_model`)."""
 
     @property
     def predicted_cost(self) -> float | None:
@@ -192,7 +192,7 @@ def controller(
         states=states,
         performance=performance,
         command_weight=command_weight,
-        model_is_plant=scenario.is_linear and not scenario.winch.is_limited,
+        model_is_plant=plant_is_model(scenario),
     )
 
 

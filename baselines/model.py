@@ -442,6 +442,18 @@ def _with_outputs(scenario: Scenario, model: LinearModel, waves: LinearFilter | 
     return LinearModel(A, B, C, W, V, tuple(states), tuple(rows), sizes, start)
 
 
+def plant_is_model(scenario: Scenario) -> bool:
+    """Whether the linear model is the plant: a linear payload, a first-order winch without limits, sensors
+    whose only errors are white noise and delay, and parameters that are what they are said to be."""
+    return (
+        scenario.is_linear
+        and not scenario.winch.is_limited
+        and not scenario.winch.is_second_order
+        and not scenario.uncertainty
+        and all(sensor.is_plain for sensor in scenario.observed_sensors)
+    )
+
+
 def noise_floor(scenario: Scenario) -> float:
     """Least noise of a channel over its scale [-]."""
     return NOISE_FLOOR if scenario.is_linear else DOUBT_FLOOR

@@ -152,6 +152,7 @@ def test_no_linear_controller_near_the_optimum_is_better():
     "change",
     [
         {"winch.speed_limit": 0.3},
+        {"sensors.payload_heave.scale_error": 0.05},
         {"winch.command_range": 0.5},
         {"sea_state.kind": "random_phase"},
         {"sea_state.kind": "calm"},
@@ -164,8 +165,11 @@ def test_no_optimum_is_claimed_where_none_is_proven(change):
     assert optimal_cost(scenario) is None
 
 
-def test_no_optimum_is_claimed_for_a_cable():
+def test_no_optimum_is_claimed_for_a_cable_or_a_drive_that_the_model_does_not_have():
     assert optimal_cost(load("sea_state_5")) is None
+    drive = replace(LINEAR.winch, time_constant=None, natural_omega=2.0)
+    assert optimal_cost(replace(LINEAR, winch=drive)) is None
+    assert lqg(replace(LINEAR, winch=drive)).predicted_cost is None
 
 
 def test_lqg_refuses_a_calm_sea_and_useless_sensors_with_a_sentence():
