@@ -756,7 +756,7 @@ def _print_tables(out: Path) -> None:
 
 def _operability(options: argparse.Namespace) -> None:
     from experiments import operability, runs
-    from experiments.operability_page import share_text
+    from experiments.operability_page import share_text, too_few
 
     scenario = scenario_of(options.scenario, options.settings)
     with Bars() as advance:
@@ -785,6 +785,8 @@ def _operability(options: argparse.Namespace) -> None:
         f"{told['n_cells']} classes of {told['scatter']}, {told['n_seeds']} seas each, by their "
         f"{told['statistic']}: {out / operability.PAGE_FILE}"
     )
+    if too_few(told):
+        print(too_few(told))
 
 
 def _report(options: argparse.Namespace) -> None:

@@ -345,7 +345,7 @@ NUMBERED = 12
 
 def _map_grid(heights: Sequence[float], periods: Sequence[float], n_maps: int) -> tuple[Any, list[Any]]:
     """A figure with a map for each controller: classes in equal boxes, heights upwards."""
-    columns = min(n_maps, MAP_COLUMNS)
+    columns = 2 if n_maps == 4 else min(n_maps, MAP_COLUMNS)
     rows = math.ceil(n_maps / columns)
     width = 8.4 if columns > 1 else 5.2
     tall = min(max(0.27 * len(heights), 1.6), 4.2) + 0.75
@@ -457,7 +457,9 @@ def sea_maps(
     figure, places = _map_grid(heights, periods, len(grids))
     finite = np.concatenate([grid[np.isfinite(grid)] for grid in grids.values()])
     low, high = (float(finite.min()), float(finite.max())) if len(finite) else (0.0, 1.0)
-    factor = 1.0
+    # What a decaying lag leaves of zero is zero.
+    grids = {label: np.where(np.abs(grid) < 1e-9 * abs(high), 0.0, grid) for label, grid in grids.items()}
+    low, factor = 0.0 if abs(low) < 1e-9 * abs(high) else low, 1.0
     if unit == "m":
         factor, unit = _metres(high if low > 0.02 else 0.1)
     low, high = factor * low, factor * high

@@ -147,6 +147,16 @@ def judged(seas: Seas, metric: str, quantile: float | None = None) -> Judged:
     return Judged(sign * value, low, high, worst, n)
 
 
+def seas_needed(quantile: float | None) -> int:
+    """Least number of seas whose interval is finite, so that a limit can surely be kept."""
+    if quantile is None:
+        return 2
+    n = 1
+    while not _quantile(np.zeros(n), quantile)[2] < np.inf:
+        n += 1
+    return n
+
+
 def _quantile(values: Array, share: float) -> tuple[float, float, float]:
     """The value that at least `share` of the sorted values do not exceed, with its 95 % interval."""
     from scipy.stats import binom

@@ -22,7 +22,7 @@ import numpy as np
 
 from experiments import runs
 from experiments.compare import AGENT_PREFIX, check_specs, controller_of, labels_of
-from experiments.limits import LEFT_OUT, Limit, Seas, judged, limits_of, verdicts
+from experiments.limits import LEFT_OUT, Limit, Seas, judged, limits_of, seas_needed, verdicts
 from experiments.metrics import CONFIDENCE, METRICS, SCORED, WARM_UP, Window, scores, window
 from experiments.rollout import FIRST_TEST_SEED, batches, rollout, with_duration
 from experiments.scatter import EXAMPLE, Cell, at_sea, check_sea, read_scatter, share
@@ -372,6 +372,7 @@ def operability(
         "n_cells": len(cells),
         "limits": {limit.metric: limit.bound for limit in chosen},
         "statistic": "mean" if quantile is None else f"quantile {quantile:g}",
+        "seas_needed": seas_needed(quantile),
         "interval": f"{100.0 * CONFIDENCE:.0f} %, {'Student t' if quantile is None else 'order statistics'}",
         "controllers": _percentages(cells, found, chosen, quantile),
     } | common

@@ -81,6 +81,16 @@ def share_text(found: dict[str, Any]) -> str:
     return f"{found['operable']:.1f} ({found['low']:.1f} to {found['high']:.1f})"
 
 
+def too_few(told: dict[str, Any]) -> str:
+    """What to say if there are too few seas to decide that a class is operable; else nothing."""
+    if told["n_seeds"] >= told["seas_needed"]:
+        return ""
+    return (
+        f"With {told['n_seeds']} seas per class none is surely operable by the {told['statistic']}; "
+        f"that takes {told['seas_needed']} at least."
+    )
+
+
 def _on_grid(cells: Sequence[Cell], values: Array) -> Array:
     """Values of the classes by height and period, (n_heights, n_periods); NaN where there is no class."""
     heights = sorted({cell.significant_wave_height for cell in cells})
@@ -182,6 +192,7 @@ def page_text(
         "limits": [limit_text(limit, scored) for limit in limits],
         "statistic": statistic,
         "is_mean": quantile is None,
+        "too_few": too_few(told),
         "interval": told["interval"],
         "scatter": told["scatter"],
         "design": told["design"],

@@ -17,7 +17,7 @@ from scipy.stats import lognorm, weibull_min
 from experiments import operability, runs
 from experiments.cli import main
 from experiments.compare import compare, controller_of
-from experiments.limits import Limit, Seas, judged, limits_of, verdicts
+from experiments.limits import Limit, Seas, judged, limits_of, seas_needed, verdicts
 from experiments.operability import CELLS, COLUMNS, PAGE_FILE, SUMMARY_FILE, TABLE_FILE, Survey
 from experiments.rollout import FIRST_TEST_SEED, rollout
 from experiments.scatter import SHIPPED, Cell, at_sea, check_sea, read_scatter, share
@@ -245,6 +245,13 @@ def test_the_interval_of_a_quantile_covers_it():
     assert np.mean(hits) >= 0.95 - 3.0 * math.sqrt(0.95 * 0.05 / 400)
 
 
+def test_a_quantile_asks_for_enough_seas():
+    """The largest of n values bounds the quantile q with 97.5 % if q^n is at most 2.5 %."""
+    for quantile in (0.5, 0.9, 0.95):
+        assert seas_needed(quantile) == math.ceil(math.log(0.025) / math.log(quantile))
+    assert seas_needed(None) == 2
+
+
 @settings(deadline=None, derandomize=True, max_examples=40)
 @given(
     values=st.lists(st.floats(0.0, 1e3), min_size=1, max_size=40),
@@ -469,6 +476,9 @@ def test_the_terminal_tells_the_percentages(scatter, tmp_path, unseen, capsys):
     assert "operable [%]" in said
     assert "3 of 3" in said
     assert "3 classes of" in said
+    assert "at least" not in said
+    main(asked(scatter, tmp_path / "out", "--quantile", "0.9"))
+    assert "With 2 seas per class none is surely operable by the quantile 0.9" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize(
