@@ -11,6 +11,7 @@ from baselines.linear_controller import LinearController
 from baselines.lqg import lqg
 from baselines.lqr import lqr
 from baselines.mpc import mpc, mpc_l1
+from baselines.multi_model import multi_model
 from baselines.peaks import feedforward_peaks
 from baselines.pid import pid
 from baselines.tuning import tuned
@@ -31,6 +32,7 @@ __all__ = [
     "lqr",
     "mpc",
     "mpc_l1",
+    "multi_model",
     "pid",
 ]
 
@@ -44,9 +46,10 @@ DESIGNERS: dict[str, Callable[..., LinearController]] = {
     "lqg": lqg,
     "mpc": mpc,
     "mpc_l1": mpc_l1,
+    "multi_model": multi_model,
 }
 """Functions that design a controller for a scenario, by the controller's name."""
-TUNED = ("pid", "lqr", "delay_lqr", "lqg", "mpc", "mpc_l1")
+TUNED = ("pid", "lqr", "delay_lqr", "lqg", "mpc", "mpc_l1", "multi_model")
 """Designs with weights (or a bandwidth) that are tuned where the plant is more than the linear model."""
 CONTROLLERS = ("none", *DESIGNERS)
 """Names that `design` knows."""

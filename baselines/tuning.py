@@ -64,7 +64,7 @@ _CACHE: dict[tuple[str, str, tuple[tuple[str, Any], ...]], dict[str, float]] = {
 
 def needs_tuning(scenario: Scenario) -> bool:
     """Whether the plant is more than the linear model."""
-    return not scenario.is_linear or scenario.winch.is_limited
+    return not scenario.is_linear or scenario.winch.is_limited or bool(scenario.uncertainty)
 
 
 def tuning_scenario(scenario: Scenario) -> Scenario:
@@ -125,11 +125,19 @@ def tuned_weights(
     if key not in _CACHE:
         if name in ("mpc", "mpc_l1"):
             _CACHE[key] = _predictive_weights(name, scenario)
+        elif name == "multi_model":
+            # Each member is what lqg is where its parameters are known.
+            _CACHE[key] = tuned_weights("lqg", lqg, scenario.with_drawn({}), {}) if _alone(scenario) else {}
         elif name == "pid":
             _CACHE[key] = _bandwidth(designer, scenario, options)
         else:
             _CACHE[key] = _search(name, designer, scenario, options)
     return _CACHE[key]
+
+
+def _alone(scenario: Scenario) -> bool:
+    """Whether one model of a scenario is more than the linear one."""
+    return needs_tuning(scenario.with_drawn({}))
 
 
 def _search(name: str, designer: Designer, scenario: Scenario, options: dict[str, Any]) -> dict[str, float]:

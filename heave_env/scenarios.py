@@ -798,6 +798,59 @@ def limits_linear() -> Scenario:
     )
 
 
+def _spread(path: str, middle: float, share: float) -> Draw:
+    return Draw(parameter=path, low=(1.0 - share) * middle, high=(1.0 + share) * middle)
+
+
+def _unknown_linear(sea: SeaState, payload: LinearPayload) -> tuple[Draw, ...]:
+    """What nobody knows for sure: cable and payload, winch, delay, sea and vessel."""
+    vessel = _thesis_vessel()
+    return (
+        _spread("linear_payload.inertia", payload.inertia, 0.3),
+        _spread("linear_payload.damping", payload.damping, 0.5),
+        # K between 0.5 and 1.5 per second.
+        Draw(parameter="winch.time_constant", low=1.0 / 1.5, high=2.0, distribution="log_uniform"),
+        Draw(parameter="winch.command_delay", low=0.0, high=0.4),
+        _spread("sea_state.significant_wave_height", sea.significant_wave_height, 0.3),
+        _spread("sea_state.peak_omega", sea.peak_omega, 0.3),
+        _spread("vessel.natural_omega", vessel.natural_omega, 0.25),
+        Draw(parameter="vessel.damping_ratio", low=0.4, high=0.8),
+    )
+
+
+@scenario("linear", "delay", "unknown")
+def unknown_linear() -> Scenario:
+    """The linear payload with 0.2 s of delay and noisy sensors, where nobody knows for sure the payload, the
+    winch, the delay, the sea or the vessel: each episode draws them.
+    """
+    payload = LinearPayload(inertia=0.8959, damping=0.1658)
+    return Scenario(
+        name="unnamed",
+        start="compensated",
+        sea_state=_thesis_sea(),
+        vessel=_thesis_vessel(),
+        winch=Winch(time_constant=1.0, command_range=4.0, command_delay=0.2),
+        linear_payload=payload,
+        sensors=(
+            *_payload_sensors(noise_std=0.005),
+            Sensor(channel="boom_tip_heave", noise_std=0.01),
+            Sensor(channel="boom_tip_heave_rate", noise_std=0.01),
+        ),
+        task=Task(position_weight=1e4, command_weight=1.0),
+        uncertainty=_unknown_linear(_thesis_sea(), payload),
+    )
+
+
+@scenario("linear", "limits", "delay", "unknown")
+def limits_unknown_linear() -> Scenario:
+    """The rough sea and the weak winch of `limits_linear`, with everything unknown that is in
+    `unknown_linear`.
+    """
+    known = limits_linear()
+    assert known.linear_payload is not None
+    return dataclasses.replace(known, uncertainty=_unknown_linear(known.sea_state, known.linear_payload))
+
+
 @scenario("thesis", "linear")
 def thesis_regulator() -> Scenario:
     """The thesis's regulator (H 6.2.4-6.2.6): the linear payload with the printed a and b under an
