@@ -20,6 +20,7 @@ WARM_UP = 100.0
 """Time left out at the start of an episode [s]."""
 SCORED = 300.0
 """Time that is scored after the warm-up [s]."""
+JOULES_PER_KWH = 3.6e6
 CONFIDENCE = 0.95
 """Level of every interval."""
 
@@ -48,6 +49,7 @@ METRICS: dict[str, Metric] = {
     "control_energy": Metric("m²", "mean square of the commanded winch displacement u0"),
     "command_std": Metric("m", "standard deviation of the commanded winch displacement"),
     "winch_work": Metric("J", "positive mechanical work of the winch: tension times speed", cable=True),
+    "supply_energy": Metric("kWh", "energy drawn from the supply less what returns to it", cable=True),
     "winch_power_peak": Metric("W", "largest mean mechanical power of a control step", cable=True),
     "tension_peak": Metric("N", "largest tension anywhere along the cable", cable=True),
     "tension_min": Metric("N", "smallest tension anywhere along the cable", cable=True),
@@ -152,9 +154,13 @@ def scores(trajectory: Trajectory, part: Window, locked: Trajectory | None = Non
         row["efficiency_locked_winch"] = 1.0 - _ratio(payload_std, _std(free))
     if trajectory.has_cable:
         power = _masked(trajectory.steps["winch_power"][steps], valid)
+        supply = np.where(valid, trajectory.steps["supply_power"][steps], 0.0)
         work = np.where(valid, np.maximum(trajectory.steps["winch_power"][steps], 0.0), 0.0)
         row |= {
             "winch_work": np.where(valid.any(axis=0), work.sum(axis=0) * part.control_dt, np.nan),
+            "supply_energy": np.where(
+                valid.any(axis=0), supply.sum(axis=0) * part.control_dt / JOULES_PER_KWH, np.nan
+            ),
             "winch_power_peak": np.maximum(_largest(power), 0.0),
             "tension_peak": _largest(_masked(trajectory.steps["tension_max"][steps], valid)),
             "tension_min": -_largest(-_masked(trajectory.steps["tension_min"][steps], valid)),

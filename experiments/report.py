@@ -166,6 +166,7 @@ def cable_table(controllers: dict[str, Any]) -> tuple[list[Column], list[list[st
         return None
     columns = [
         ("winch work [MJ]", "positive mechanical work in the scored time"),
+        ("supply [kWh]", "energy drawn from the supply less what returns to it, in the scored time"),
         ("peak power [kW]", "largest mean power of a control step, mean over seas"),
         ("peak tension [kN]", "anywhere along the cable, mean over seas"),
         ("maximum", "peak tension over all seas [kN]"),
@@ -179,6 +180,7 @@ def cable_table(controllers: dict[str, Any]) -> tuple[list[Column], list[list[st
         rows.append(
             [
                 with_interval(metrics["winch_work"], 1e-6),
+                with_interval(metrics.get("supply_energy")),
                 with_interval(metrics["winch_power_peak"], 1e-3),
                 with_interval(metrics["tension_peak"], 1e-3),
                 significant(_scaled(metrics["tension_peak"]["maximum"], 1e-3)),

@@ -52,6 +52,7 @@ CABLE_STEP_CHANNELS: dict[str, str] = {
     "tension_min": "N",
     "tension_max": "N",
     "winch_power": "W",
+    "supply_power": "W",
 }
 """Channels of a control step that only a plant with a cable has."""
 OUTCOMES = ("diverged", "lost", "landed")

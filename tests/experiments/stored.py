@@ -55,6 +55,7 @@ def trajectory(
             "tension_min": quiet + 9e4,
             "tension_max": quiet + 1.1e5,
             "winch_power": quiet,
+            "supply_power": quiet,
         }
     return Trajectory(
         seeds=tuple(range(FIRST_TEST_SEED, FIRST_TEST_SEED + n_seas)),

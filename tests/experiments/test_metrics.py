@@ -73,8 +73,10 @@ def test_work_counts_only_lifting_and_power_is_its_peak():
     run = trajectory(np.zeros((N_STEPS + 1, 1)))
     power = np.where(np.arange(N_STEPS) % 2 == 0, 500.0, -900.0)[:, None]
     run.steps["winch_power"] = power
+    run.steps["supply_power"] = 2.0 * power
     found = scores(run, window(400.0, DT))
     assert found["winch_work"] == pytest.approx(500.0 * 150.0)
+    assert found["supply_energy"] == pytest.approx((1000.0 - 1800.0) * 150.0 / 3.6e6)
     assert found["winch_power_peak"] == pytest.approx(500.0)
 
 
