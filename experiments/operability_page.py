@@ -46,7 +46,7 @@ MAPS = (
     "tension_peak",
     "slack_fraction",
     "saturation_fraction",
-    "winch_work",
+    "supply_energy",
 )
 """Metrics that are always shown, where the plant has them."""
 LINEAR_MAPS = ("payload_heave_std", "payload_heave_max", "saturation_fraction", "control_energy")
@@ -62,6 +62,8 @@ def shown(metric: str, scored: float) -> Shown:
     """
     if metric == "winch_work":
         return Shown("Winch energy: work of lifting, per hour", "kWh/h", 1e-3 / scored)
+    if metric == "supply_energy":
+        return Shown("Energy drawn from the supply, per hour", "kWh/h", 3600.0 / scored)
     item = METRICS[metric]
     return SHOWN.get(metric, Shown(item.meaning[:1].upper() + item.meaning[1:], item.unit, 1.0))
 
