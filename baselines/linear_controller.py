@@ -196,6 +196,24 @@ def controller(
     )
 
 
+def without_matrices(name: str, scenario: Scenario, measures: tuple[str, ...]) -> dict[str, Any]:
+    """What a controller needs that reads its measurements as these do and then goes its own way.
+
+    Its matrices are empty, and it claims no optimum.
+    """
+    scale, offset = observation_units(scenario, measures)
+    return {
+        "name": name,
+        "measures": measures,
+        "observation_names": scenario.observation_names,
+        "scale": scale,
+        "offset": offset,
+        "command_range": scenario.winch.command_range,
+        "model_is_plant": False,
+        **{matrix: np.zeros((0, 0)) for matrix in "FGHLD"},
+    }
+
+
 def observation_units(scenario: Scenario, entries: tuple[str, ...]) -> tuple[Array, Array]:
     """Scale and offset that take observation entries back to SI units, both (n_entries,)."""
     sensors = {sensor.channel: sensor for sensor in scenario.observed_sensors}

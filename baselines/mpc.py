@@ -35,7 +35,7 @@ import numpy as np
 from scipy.linalg import expm, solve_discrete_are
 
 from baselines.estimator import Estimator, estimator
-from baselines.linear_controller import LinearController, observation_units
+from baselines.linear_controller import LinearController, without_matrices
 from baselines.lqr import design_weights
 from baselines.model import continuous_model, held_command, nominal_sea, payload_model, sea_filter
 from baselines.winch_model import WinchModel, payload_forcing
@@ -422,22 +422,9 @@ def _designed(
             raise ValueError(f"{label} must be a number, not negative, got {value!r}")
     found = estimator(scenario, mismatch=mismatch)
     measures = found.filter.model.outputs
-    scale, offset = observation_units(scenario, measures)
-    nothing = np.zeros((0, 0))
     return PredictiveController(
-        name=name,
-        measures=measures,
-        observation_names=scenario.observation_names,
-        scale=scale,
-        offset=offset,
-        command_range=scenario.winch.command_range,
-        F=nothing,
-        G=nothing,
-        H=nothing,
-        L=nothing,
-        D=nothing,
+        **without_matrices(name, scenario, measures),
         command_weight=r,
-        model_is_plant=False,
         estimator=found,
         plan=plan(
             scenario,

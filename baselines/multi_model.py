@@ -21,7 +21,7 @@ import numpy as np
 
 from baselines.estimator import Estimator, estimator
 from baselines.kalman import KalmanFilter, filter_on, kalman_filter
-from baselines.linear_controller import LinearController, observation_units
+from baselines.linear_controller import LinearController, without_matrices
 from baselines.lqr import design_weights, sampled_gain
 from baselines.model import linear_model, sea_filter
 from heave_env.scenarios import Scenario
@@ -189,22 +189,9 @@ def multi_model(
     """
     q, r = design_weights(scenario, command_weight)
     entries, members = _bank(scenario, q, r, speed_weight, mismatch, n_members)
-    scale, offset = observation_units(scenario, entries)
-    empty = np.zeros((0, 0))
     return MultiModel(
-        name="multi_model",
-        measures=entries,
-        observation_names=scenario.observation_names,
-        scale=scale,
-        offset=offset,
-        command_range=scenario.winch.command_range,
-        F=empty,
-        G=np.zeros((0, len(entries))),
-        H=np.zeros((0, 1)),
-        L=np.zeros((1, 0)),
-        D=np.zeros((1, len(entries))),
+        **without_matrices("multi_model", scenario, entries),
         command_weight=r,
-        model_is_plant=False,
         members=members,
         speed_weight=speed_weight,
     )

@@ -29,7 +29,7 @@ from functools import cached_property
 import numpy as np
 
 from baselines.feedforward import require_boom_tip
-from baselines.linear_controller import LinearController, observation_units
+from baselines.linear_controller import LinearController, without_matrices
 from baselines.model import nominal_sea, sea_filter
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
@@ -200,22 +200,9 @@ def feedforward_peaks(scenario: Scenario) -> PeakPredictor:
     stride = max(1, round(period / SAMPLES_PER_PERIOD / dt))
     searches = max(1, round(period / SEARCHES_PER_PERIOD / (stride * dt)))
     measures = ("boom_tip_heave",)
-    scale, offset = observation_units(scenario, measures)
     sensor = next(item for item in scenario.observed_sensors if item.channel == "boom_tip_heave")
-    nothing = np.zeros((0, 0))
     return PeakPredictor(
-        name="feedforward_peaks",
-        measures=measures,
-        observation_names=scenario.observation_names,
-        scale=scale,
-        offset=offset,
-        command_range=scenario.winch.command_range,
-        F=nothing,
-        G=nothing,
-        H=nothing,
-        L=nothing,
-        D=nothing,
-        model_is_plant=False,
+        **without_matrices("feedforward_peaks", scenario, measures),
         control_dt=dt,
         stride=stride,
         n_samples=math.ceil(PERIODS * period / (stride * dt)),

@@ -98,6 +98,16 @@ def _invert(m, out):
 
 
 @stage
+def _gradient(static, displacement, j, per_spacing):
+    """Gradient of the position along element j: that at rest and what the displacement adds."""
+    return (
+        static[j, 0] + (displacement[j + 1, 0] - displacement[j, 0]) * per_spacing,
+        static[j, 1] + (displacement[j + 1, 1] - displacement[j, 1]) * per_spacing,
+        static[j, 2] + (displacement[j + 1, 2] - displacement[j, 2]) * per_spacing,
+    )
+
+
+@stage
 def _span_step(u, v, new, static, numbers, water, load, dt, work, tension):
     """Finds the displacements at the end of a step, `new`, whose end rows are given.
 
@@ -116,16 +126,8 @@ def _span_step(u, v, new, static, numbers, water, load, dt, work, tension):
     correction = 0.0
     for iteration in range(_MOST_ITERATIONS):
         for j in range(n):
-            before = (
-                gradient[j, 0] + (u[j + 1, 0] - u[j, 0]) * per_spacing,
-                gradient[j, 1] + (u[j + 1, 1] - u[j, 1]) * per_spacing,
-                gradient[j, 2] + (u[j + 1, 2] - u[j, 2]) * per_spacing,
-            )
-            after = (
-                gradient[j, 0] + (new[j + 1, 0] - new[j, 0]) * per_spacing,
-                gradient[j, 1] + (new[j + 1, 1] - new[j, 1]) * per_spacing,
-                gradient[j, 2] + (new[j + 1, 2] - new[j, 2]) * per_spacing,
-            )
+            before = _gradient(gradient, u, j, per_spacing)
+            after = _gradient(gradient, new, j, per_spacing)
             N, gx, gy, gz, nx, ny, nz = _element_force(
                 before, after, force[j, 3], stretch[j], EA, CA, per_dt, tension_only, quadratic
             )
@@ -213,16 +215,8 @@ def _span_step(u, v, new, static, numbers, water, load, dt, work, tension):
             return -(iteration + 1), correction
     settled = correction <= 1e-10 * spacing
     for j in range(n):
-        before = (
-            gradient[j, 0] + (u[j + 1, 0] - u[j, 0]) * per_spacing,
-            gradient[j, 1] + (u[j + 1, 1] - u[j, 1]) * per_spacing,
-            gradient[j, 2] + (u[j + 1, 2] - u[j, 2]) * per_spacing,
-        )
-        after = (
-            gradient[j, 0] + (new[j + 1, 0] - new[j, 0]) * per_spacing,
-            gradient[j, 1] + (new[j + 1, 1] - new[j, 1]) * per_spacing,
-            gradient[j, 2] + (new[j + 1, 2] - new[j, 2]) * per_spacing,
-        )
+        before = _gradient(gradient, u, j, per_spacing)
+        after = _gradient(gradient, new, j, per_spacing)
         N, gx, gy, gz, _, _, _ = _element_force(
             before, after, force[j, 3], stretch[j], EA, CA, per_dt, tension_only, quadratic
         )
