@@ -910,6 +910,20 @@ def sea_state_5() -> Scenario:
     )
 
 
+@scenario("cable", "delay", "compensator")
+def hybrid() -> Scenario:
+    """`sea_state_5` with a passive compensator in series with the winch: gas spring and damper carry the load
+    and take most of the motion, the winch what is left. The drive's energy counts.
+    """
+    active = sea_state_5()
+    return dataclasses.replace(
+        active,
+        winch=dataclasses.replace(active.winch, efficiency=0.7, regeneration=0.3),
+        # 80 m of gas column in accumulators, a pressure ratio of 1.07 over 4 m of stroke.
+        compensator=Compensator(gas_volume=4.0, piston_area=0.05, stroke=4.0, damping=2e3),
+    )
+
+
 @scenario("thesis", "cable", "pay_out", "slack")
 def lowering() -> Scenario:
     """Deployment from 50 m at 2 m/s (H 3.3.5): the lengthening cable changes the payload's response on the
