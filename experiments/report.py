@@ -16,6 +16,7 @@ DASH = "–"
 """Stands for a number that does not exist."""
 
 
+RAISED = str.maketrans("-0123456789", "⁻⁰¹²³⁴⁵⁶⁷⁸⁹")
 NOTHING = 1e-12
 """Smaller numbers are what a decaying lag leaves of zero; nothing on the page is so small in its unit."""
 
@@ -29,7 +30,7 @@ def significant(value: float | None, digits: int = 3) -> str:
     exponent = math.floor(math.log10(abs(float(f"{value:.{digits - 1}e}"))))
     if exponent < -3 or exponent > 6:
         mantissa, _, power = f"{value:.{digits - 1}e}".partition("e")
-        return f"{mantissa}·10^{int(power)}".replace("-", "−")
+        return f"{mantissa}·10".replace("-", "−") + str(int(power)).translate(RAISED)
     decimals = digits - 1 - exponent
     if decimals < 0:
         return _grouped(value, decimals)

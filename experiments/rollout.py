@@ -28,9 +28,7 @@ Array = np.ndarray
 FIRST_TEST_SEED = 20_000_000
 """Test seas have the seeds from here; training seas lie below 1e7, validation seas from 1e7."""
 
-STATE_CHANNELS: dict[str, str] = {
-    name: unit for name, unit in CHANNELS.items() if name not in CABLE_CHANNELS
-}
+STATE_CHANNELS: dict[str, str] = {name: unit for name, unit in CHANNELS.items() if name not in CABLE_CHANNELS}
 """Channels of every plant at the control instants, with units: arrays `(n_steps + 1, n_seas)`."""
 CABLE_STATE_CHANNELS: dict[str, str] = {
     "sheave_tension": CHANNELS["sheave_tension"],
