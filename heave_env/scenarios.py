@@ -369,6 +369,12 @@ class Scenario:
         return self.linear_payload is not None
 
     @property
+    def is_hookean(self) -> bool:
+        """Whether the cable follows Hooke's law in every episode, or there is none."""
+        drawn = {draw.parameter for draw in self.uncertainty}
+        return (self.cable is None or self.cable.is_hookean) and not drawn & _BEYOND_HOOKE
+
+    @property
     def initial_length(self) -> float:
         """Unstretched length outboard at the start [m]; zero for a linear payload."""
         return float(self.length) if self.length is not None else 0.0
@@ -380,9 +386,13 @@ class Scenario:
         return self.winch.command_range if stroke is None else min(stroke, self.winch.command_range)
 
     def static_stretch(self, length: float) -> float:
-        """Elongation of the cable hanging in still water, L (w2 + w1 L / 2) / EA [m]."""
+        """Elongation of the cable hanging in still water, L (w2 + w1 L / 2) / EA by Hooke's law [m]."""
         if self.cable is None or self.payload is None:
             return 0.0
+        if not self.cable.is_hookean:
+            from heave_env.cable.axial import hanging_elongation
+
+            return float(hanging_elongation(self.cable, self.payload, length, self.n_elements))
         weight = self.payload.submerged_weight + 0.5 * self.cable.submerged_weight * length
         return length * weight / self.cable.axial_stiffness
 
@@ -540,8 +550,14 @@ _ACROSS = {
     "payload": ("lateral_added_mass", "lateral_drag_area"),
 }
 """What only motion across the cable asks for, which this plant does not have."""
+_BEYOND_HOOKE = {"cable.quadratic_hardening", "cable.cubic_hardening", "cable.relaxing_stiffness"}
+"""Numbers that take a rope beyond Hooke's law when they are not zero."""
 _LATER: dict[str, tuple[type, tuple[str, ...]]] = {
     "": (Scenario, ("uncertainty", "compensator")),
+    "cable": (
+        Cable,
+        ("quadratic_hardening", "cubic_hardening", "relaxing_stiffness", "relaxation_time"),
+    ),
     "sea_state": (
         SeaState,
         (
