@@ -174,6 +174,11 @@ def cable_table(controllers: dict[str, Any]) -> tuple[list[Column], list[list[st
         ("slack [%]", "steps in which the tension fell to zero somewhere"),
         ("unsafe", "mean number of safety limits broken per step"),
     ]
+    lands = any(found["metrics"].get("landed", {}).get("mean") for found in controllers.values())
+    if lands:
+        columns.append(
+            ("touch-down [m/s]", "speed of the payload as it lands, mean over the seas that landed")
+        )
     rows = []
     for found in controllers.values():
         metrics = found["metrics"]
@@ -187,6 +192,7 @@ def cable_table(controllers: dict[str, Any]) -> tuple[list[Column], list[list[st
                 with_interval(metrics["tension_min"], 1e-3),
                 significant(_scaled(metrics["slack_fraction"]["mean"], 1e2)),
                 significant(metrics["safety_cost"]["mean"]),
+                *([with_interval(metrics.get("touch_down_speed"))] if lands else []),
             ]
         )
     return columns, rows

@@ -40,6 +40,7 @@ from heave_env.parameters import (
     require_number,
 )
 from heave_env.rao import table_path
+from heave_env.ropes import steel_wire_rope
 from heave_env.sensors import (
     CABLE_CHANNELS,
     CHANNELS,
@@ -1031,4 +1032,30 @@ def deep_resonance() -> Scenario:
         payload=Payload(mass=12_000.0, added_mass=8_000.0, submerged_weight=100_000.0, drag_area=8.0),
         sensors=(*_survey_sensors(), Sensor(channel="sheave_tension", noise_std=500.0)),
         task=Task(position_weight=1e3, command_weight=1.0),
+    )
+
+
+@scenario("cable", "pay_out", "landing", "delay")
+def landing() -> Scenario:
+    """A 20 t manifold set down on the bed at 300 m: the last 20 m are paid out at 0.15 m/s while the winch
+    compensates, and the episode ends at touch-down, whose speed is the figure of merit. Ours throughout.
+    """
+    rope = steel_wire_rope(0.036)
+    return Scenario(
+        name="unnamed",
+        start="compensated",
+        n_iterations=6,
+        sea_state=SeaState(significant_wave_height=2.5, peak_omega=0.7),
+        vessel=_thesis_vessel(),
+        winch=Winch(time_constant=0.5, command_range=3.0, command_delay=0.2, speed_limit=1.5),
+        length=280.0,
+        cable=rope,
+        payload=Payload(mass=20_000.0, added_mass=18_000.0, submerged_weight=165_000.0, drag_area=30.0),
+        pay_out=PayOut(speed=0.15, start=120.0, distance=40.0, ramp=10.0),
+        sensors=(
+            *_survey_sensors(),
+            Sensor(channel="length"),
+            Sensor(channel="sheave_tension", noise_std=500.0),
+        ),
+        task=Task(position_weight=1e4, command_weight=1.0, tension_limit=0.4 * 904e3, landing_depth=300.0),
     )

@@ -9,11 +9,12 @@ A rope beyond Hooke's law (`Cable.is_hookean` false) hardens and relaxes:
 
     T = EA (e + k2 e² + k3 e³) + C_A De/Dt + EA1 a,   Da/Dt = De/Dt - a/τ
 
-a being the strain of a Maxwell branch's spring. Its stored energy is EA (e²/2 + k2 e³/3 + k3 e⁴/4) + EA1 a²/2.
-The first part being a polynomial, its change over the change of strain is one too, without cancellation: with
-x the strain before and y after, EA ((x + y)/2 + k2 (x² + xy + y²)/3 + k3 (x + y)(x² + y²)/4). The branch is stepped by the midpoint rule, whose loss over a step is EA1 a²/τ at
-mid-step and never negative. In a tension-only rope each of the three acts on the taut part of the strain and
-none pushes: what the branch would hold in compression it lets go.
+a being the strain of a Maxwell branch's spring. It stores EA (e²/2 + k2 e³/3 + k3 e⁴/4) + EA1 a²/2. The first
+part being a polynomial, its change over the change of strain is one too, without cancellation: with x the
+strain before and y after, EA ((x + y)/2 + k2 (x² + xy + y²)/3 + k3 (x + y)(x² + y²)/4). The branch is stepped
+by the midpoint rule, whose loss over a step is EA1 a²/τ at mid-step and never negative. In a tension-only
+rope each of the three acts on the taut part of the strain and none pushes: what the branch would hold in
+compression it lets go.
 
 Source: Huang (1992), (3.1) and 3.4 (T = T(e, De/Dt)), with Kelvin damping; discrete gradient after Gonzalez
 (1996); standard linear solid after Zener (1948).
