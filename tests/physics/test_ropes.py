@@ -19,7 +19,7 @@ from heave_env.cable.planar import PlanarSolver
 from heave_env.cable.sagged_span import SaggedSpanSolver
 from heave_env.cable.statics import FixedEnds, StaticsSolver
 from heave_env.cable.towing import Towing
-from heave_env.parameters import Cable, Draw, Line, Payload, SeaState
+from heave_env.parameters import Cable, Compensator, Draw, Line, Payload, PayOut, SeaState
 from heave_env.plant import Plant, simulate
 from heave_env.ropes import SLOW_LOAD, nylon_rope, polyester_rope, steel_wire_rope
 from heave_env.scenarios import Scenario, from_mapping, load, read, to_mapping, to_yaml, with_value
@@ -226,6 +226,19 @@ def test_one_row_is_that_row_of_a_batch():
     batch = simulate(scenario, seeds=list(range(20)), duration=40.0)
     for name in ("payload_heave", "sheave_tension"):
         assert np.array_equal(alone[name][:, 0], batch[name][:, 7])
+
+
+def test_gas_spring_and_rope_are_in_balance():
+    # Without mass and damping the gas carries the sheave's tension at the middle of every solver step.
+    rod = Compensator(gas_volume=2.0, piston_area=0.05, stroke=6.0)
+    scenario = with_rope(load("lowering"), axial_stiffness=2e6, **BEYOND_HOOKE)
+    scenario = dataclasses.replace(scenario, compensator=rod, pay_out=PayOut(), n_substeps=1, n_iterations=8)
+    record = simulate(scenario, seeds=[2], duration=60.0)
+    extension = record["compensator_displacement"][:, 0]
+    middle = 0.5 * (extension[1:] + extension[:-1])
+    gas = scenario.static_tension * (1.0 + middle / rod.gas_length) ** -rod.polytropic_exponent
+    assert np.ptp(middle) > 0.01
+    assert gas == pytest.approx(record["sheave_tension"][1:, 0], rel=1e-6)
 
 
 @pytest.mark.parametrize("field", ["quadratic_hardening", "cubic_hardening", "relaxing_stiffness"])
