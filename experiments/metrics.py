@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.rollout import Trajectory
+from heave_env.scenarios import Scenario
 
 Array = np.ndarray
 
@@ -35,6 +36,8 @@ class Metric:
     """What it is, in one line."""
     cable: bool = False
     """Whether only a plant with a cable has it."""
+    landing: bool = False
+    """Whether only an operation that is to land has it."""
 
 
 METRICS: dict[str, Metric] = {
@@ -54,7 +57,9 @@ METRICS: dict[str, Metric] = {
     "tension_peak": Metric("N", "largest tension anywhere along the cable", cable=True),
     "tension_min": Metric("N", "smallest tension anywhere along the cable", cable=True),
     "slack_fraction": Metric("-", "share of steps in which the tension fell to zero somewhere", cable=True),
-    "touch_down_speed": Metric("m/s", "downward speed of the payload as it landed, where it did", cable=True),
+    "touch_down_speed": Metric(
+        "m/s", "downward speed of the payload as it landed, where it did", cable=True, landing=True
+    ),
     "saturation_fraction": Metric("-", "share of steps in which a winch limit or the command range bit"),
     "safety_cost": Metric("-", "mean number of safety limits broken per step"),
     "cost": Metric("-", "J, the mean of q x² + r u0² and of what a failure costs"),
@@ -62,6 +67,16 @@ METRICS: dict[str, Metric] = {
     "command_cost": Metric("-", "the part r u0² of J"),
 }
 """Metrics of a sea, in the order of the tables."""
+
+
+def metric_names(scenario: Scenario) -> list[str]:
+    """Metrics that a scenario has, in the order of the tables."""
+    lands = scenario.task.landing_depth is not None
+    return [
+        name
+        for name, metric in METRICS.items()
+        if not (metric.cable and scenario.is_linear) and (lands or not metric.landing)
+    ]
 
 
 @dataclass(frozen=True)

@@ -174,7 +174,7 @@ def cable_table(controllers: dict[str, Any]) -> tuple[list[Column], list[list[st
         ("slack [%]", "steps in which the tension fell to zero somewhere"),
         ("unsafe", "mean number of safety limits broken per step"),
     ]
-    lands = any(found["metrics"].get("landed", {}).get("mean") for found in controllers.values())
+    lands = any("touch_down_speed" in found["metrics"] for found in controllers.values())
     if lands:
         columns.append(
             ("touch-down [m/s]", "speed of the payload as it lands, mean over the seas that landed")
