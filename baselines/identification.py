@@ -23,6 +23,7 @@ import numpy as np
 from scipy.linalg import expm
 
 from baselines.model import nominal_sea
+from heave_env.cable.constitutive import dynamic_modulus
 from heave_env.parameters import LinearPayload, PayOut, SeaState
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
@@ -210,7 +211,8 @@ def first_guess(scenario: Scenario) -> tuple[float, float]:
     """a and b of a spring with the payload and a third of the cable on it, damped at 2 % of critical."""
     cable, payload, length = scenario.cable, scenario.payload, scenario.initial_length
     assert cable is not None and payload is not None
-    stiffness = cable.axial_stiffness / length
+    tension = payload.submerged_weight + 0.5 * cable.submerged_weight * length
+    stiffness = float(dynamic_modulus(cable, 0.0, tension).real) / length
     inertia = (payload.inertia + cable.inertia_per_length * length / 3.0) / stiffness
     return inertia, 0.04 * math.sqrt(inertia)
 
@@ -222,8 +224,10 @@ def identification_scenario(scenario: Scenario) -> Scenario:
     """
     cable = scenario.cable
     if cable is not None:
-        # Compensation is to keep the cable taut: its taut behaviour is what the controllers need.
-        cable = replace(cable, breaking_strength=None, tension_only=False)
+        # Compensation is to keep the cable taut: its taut behaviour is what the controllers need. A hardening
+        # rope's law need not make sense in compression, so that it may go slack here too.
+        slackens = cable.tension_only and not cable.is_hookean
+        cable = replace(cable, breaking_strength=None, tension_only=slackens)
     sea = scenario.sea_state
     if sea.kind in ("recorded", "calm"):
         sea = nominal_sea(scenario) or CALM_SEA

@@ -13,9 +13,9 @@ import numpy as np
 
 from experiments import runs
 from experiments.metrics import (
-    METRICS,
     SCORED,
     WARM_UP,
+    metric_names,
     scores,
     spectrum,
     window,
@@ -166,7 +166,7 @@ def run_contest(
         outcomes.append(
             Outcome(
                 entry=entry,
-                values={name: rows[name] for name in METRICS if name in rows},
+                values={name: rows[name] for name in metric_names(scenario) if name in rows},
                 ends={name.removeprefix("ended:"): rows[name] for name in rows if name.startswith("ended:")},
                 sample=_joined([item[0] for item in parts if item[0].n_seas]),
                 omega=parts[0][2],

@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from experiments.rollout import Trajectory
+from heave_env.scenarios import Scenario
 
 Array = np.ndarray
 
@@ -35,6 +36,8 @@ class Metric:
     """What it is, in one line."""
     cable: bool = False
     """Whether only a plant with a cable has it."""
+    landing: bool = False
+    """Whether only an operation that is to land has it."""
 
 
 METRICS: dict[str, Metric] = {
@@ -54,6 +57,9 @@ METRICS: dict[str, Metric] = {
     "tension_peak": Metric("N", "largest tension anywhere along the cable", cable=True),
     "tension_min": Metric("N", "smallest tension anywhere along the cable", cable=True),
     "slack_fraction": Metric("-", "share of steps in which the tension fell to zero somewhere", cable=True),
+    "touch_down_speed": Metric(
+        "m/s", "downward speed of the payload as it landed, where it did", cable=True, landing=True
+    ),
     "saturation_fraction": Metric("-", "share of steps in which a winch limit or the command range bit"),
     "safety_cost": Metric("-", "mean number of safety limits broken per step"),
     "cost": Metric("-", "J, the mean of q x² + r u0² and of what a failure costs"),
@@ -61,6 +67,16 @@ METRICS: dict[str, Metric] = {
     "command_cost": Metric("-", "the part r u0² of J"),
 }
 """Metrics of a sea, in the order of the tables."""
+
+
+def metric_names(scenario: Scenario) -> list[str]:
+    """Metrics that a scenario has, in the order of the tables."""
+    lands = scenario.task.landing_depth is not None
+    return [
+        name
+        for name, metric in METRICS.items()
+        if not (metric.cable and scenario.is_linear) and (lands or not metric.landing)
+    ]
 
 
 @dataclass(frozen=True)
@@ -165,6 +181,7 @@ def scores(trajectory: Trajectory, part: Window, locked: Trajectory | None = Non
             "tension_peak": _largest(_masked(trajectory.steps["tension_max"][steps], valid)),
             "tension_min": -_largest(-_masked(trajectory.steps["tension_min"][steps], valid)),
             "slack_fraction": _mean(_masked(trajectory.steps["slack"][steps], valid)),
+            "touch_down_speed": touch_down_speed(trajectory),
         }
     return row | {
         "saturation_fraction": _mean(_masked(trajectory.steps["saturated"][steps], valid)),
@@ -173,6 +190,25 @@ def scores(trajectory: Trajectory, part: Window, locked: Trajectory | None = Non
         "position_cost": _mean(_masked(trajectory.steps["position_cost"][steps], valid)),
         "command_cost": _mean(_masked(trajectory.steps["command_cost"][steps], valid)),
     }
+
+
+def touch_down_speed(trajectory: Trajectory) -> Array:
+    """Downward speed of the payload at the end of the step in which it landed.
+
+    Payload heave is counted from where the payload would hang still, which sinks as the operation pays out:
+    the speed is the pay-out's, length plus winch displacement over the step, less the rate of heave. Left
+    out is what the paid-out cable stretches, a strain times the pay-out rate.
+
+    Returns:
+        (n_seas,) [m/s]; NaN where the payload did not land.
+    """
+    landed = np.asarray(
+        trajectory.outcomes.get("landed", np.zeros(trajectory.n_seas, dtype=bool)), dtype=bool
+    )
+    sea, last = np.arange(trajectory.n_seas), np.maximum(trajectory.n_valid, 1)
+    still = trajectory.states["length"] + trajectory.states["winch_displacement"]
+    paid_out = (still[last, sea] - still[last - 1, sea]) / trajectory.control_dt
+    return np.where(landed, paid_out - trajectory.states["payload_heave_rate"][last, sea], np.nan)
 
 
 def mean_cost(trajectory: Trajectory, part: Window) -> Array:

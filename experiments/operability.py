@@ -23,7 +23,7 @@ import numpy as np
 from experiments import runs
 from experiments.compare import AGENT_PREFIX, check_specs, controller_of, labels_of
 from experiments.limits import LEFT_OUT, Limit, Seas, judged, limits_of, seas_needed, verdicts
-from experiments.metrics import CONFIDENCE, METRICS, SCORED, WARM_UP, Window, scores, window
+from experiments.metrics import CONFIDENCE, METRICS, SCORED, WARM_UP, Window, metric_names, scores, window
 from experiments.rollout import FIRST_TEST_SEED, batches, rollout, with_duration
 from experiments.scatter import EXAMPLE, Cell, at_sea, check_sea, read_scatter, share
 from experiments.validate import source_hash
@@ -143,7 +143,7 @@ class Survey:
             trajectory = rollout(timed, controller, batch, progress=progress)
             rows.append(scores(trajectory, self.part))
             failed.append(trajectory.outcomes["diverged"] | trajectory.outcomes["lost"])
-        names = [name for name in METRICS if name in rows[0] and name not in LEFT_OUT]
+        names = [name for name in metric_names(there) if name in rows[0] and name not in LEFT_OUT]
         values = {name: np.concatenate([row[name] for row in rows]) for name in names}
         return Seas(values, np.concatenate(failed))
 

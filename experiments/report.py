@@ -175,6 +175,11 @@ def cable_table(controllers: dict[str, Any]) -> tuple[list[Column], list[list[st
         ("slack [%]", "steps in which the tension fell to zero somewhere"),
         ("unsafe", "mean number of safety limits broken per step"),
     ]
+    lands = any("touch_down_speed" in found["metrics"] for found in controllers.values())
+    if lands:
+        columns.append(
+            ("touch-down [m/s]", "speed of the payload as it lands, mean over the seas that landed")
+        )
     rows = []
     for found in controllers.values():
         metrics = found["metrics"]
@@ -188,6 +193,7 @@ def cable_table(controllers: dict[str, Any]) -> tuple[list[Column], list[list[st
                 with_interval(metrics["tension_min"], 1e-3),
                 significant(_scaled(metrics["slack_fraction"]["mean"], 1e2)),
                 significant(metrics["safety_cost"]["mean"]),
+                *([with_interval(metrics.get("touch_down_speed"))] if lands else []),
             ]
         )
     return columns, rows

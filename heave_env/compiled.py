@@ -10,6 +10,8 @@ from numba import njit
 # IEEE division and no reassociation: the same operations in the same order in every variant, so a row
 # has the same bits alone and in a batch. Stages are inlined into the kernel that calls them.
 stage = njit(error_model="numpy", forceinline=True)
+# For a seldom effect: called, not inlined, so that kernels without it stay as short as they were.
+seldom = njit(error_model="numpy")
 
 _STAGE_FILES = (
     "streams.py",

@@ -21,6 +21,8 @@ from heave_env.cable.axial import (
     cable_step,
     cable_tensions,
     hang_still,
+    hanging_strain,
+    hanging_stretch,
     solved_sheave_tension,
 )
 from heave_env.compensator import rod_gap, stopped_rod
@@ -169,8 +171,9 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     ROW_SENSOR_STATE,
     AT_SENSOR_ERRORS,
     HAS_COMPENSATOR,
+    HOOKEAN,
     N_CONFIGURATION,
-) = range(45)
+) = range(46)
 # Behind these follow, sensor by sensor, channel row and delay, and then the history lags.
 
 # Whole-number state of a row.
@@ -385,7 +388,8 @@ def _rod_trial(S, cfg, at, dt, n_lanes):
     """Solves the cable with the sheave where the rods' trial ends put it, positive down."""
     for lane in range(n_lanes):
         S[SHEAVE_NEW, lane] = S[BOOM_TIP_BELOW, lane] - S[COMPENSATOR_DISPLACEMENT, lane]
-    cable_solve(S, at, cfg[N_ELEMENTS], cfg[N_ITERATIONS], n_lanes, dt, cfg[TENSION_ONLY] == 1)
+    tension_only, hookean = cfg[TENSION_ONLY] == 1, cfg[HOOKEAN] == 1
+    cable_solve(S, at, cfg[N_ELEMENTS], cfg[N_ITERATIONS], n_lanes, dt, tension_only, hookean)
 
 
 @stage
@@ -393,8 +397,8 @@ def _solve_with_rod(S, cfg, at, dt, n_lanes):
     """Cable and passive compensator over a solver step, solved together by the secant method.
 
     The cable's tension is all but linear in where the rod ends, so that three solves of the cable do: two
-    to find the secant, one at its root; a cable that may be slack gets two more. On return the sheave's
-    rows hold the rod's motion too.
+    to find the secant, one at its root; a cable that may be slack or hardens gets two more. On return the
+    sheave's rows hold the rod's motion too.
     """
     real = S.dtype.type
     zero, two = real(0.0), real(2.0)
@@ -415,7 +419,8 @@ def _solve_with_rod(S, cfg, at, dt, n_lanes):
         stiff = S[COMPENSATOR_DAMPING, lane] / step + two * S[COMPENSATOR_MASS, lane] / (step * step)
         stiff += S[GAS_FORCE, lane] / S[GAS_LENGTH, lane] + S[at[0] + ELEMENT_STIFFNESS, lane]
         S[COMPENSATOR_DISPLACEMENT, lane] = rod - gap / max(stiff, real(1.0))
-    for trial in range(4 if tension_only else 2):
+    n_trials = 4 if tension_only or cfg[HOOKEAN] == 0 else 2
+    for trial in range(n_trials):
         _rod_trial(S, cfg, at, dt, n_lanes)
         for lane in range(n_lanes):
             rod = S[COMPENSATOR_DISPLACEMENT, lane]
@@ -423,7 +428,7 @@ def _solve_with_rod(S, cfg, at, dt, n_lanes):
             moved, lessened = rod - S[FIRST_TRIAL, lane], gap - S[FIRST_GAP, lane]
             S[FIRST_TRIAL, lane], S[FIRST_GAP, lane] = rod, gap
             better = rod - gap * moved / lessened if lessened != zero else rod
-            if trial + 1 < (4 if tension_only else 2):
+            if trial + 1 < n_trials:
                 S[COMPENSATOR_DISPLACEMENT, lane] = better
             else:
                 S[COMPENSATOR_DISPLACEMENT, lane] = stopped_rod(S, lane, better)
@@ -443,7 +448,7 @@ def _cable_substep(S, cfg, dt, n_lanes):
     real = S.dtype.type
     per_dt = real(1.0 / dt)
     n, at = cfg[N_ELEMENTS], cfg[cfg[AT_NODE_ROWS] :]
-    tension_only = cfg[TENSION_ONLY] == 1
+    tension_only, hookean = cfg[TENSION_ONLY] == 1, cfg[HOOKEAN] == 1
     for lane in range(n_lanes):
         hauled = S[WINCH_DISPLACEMENT, lane] - S[WINCH_OLD, lane]
         S[LENGTH_OLD, lane] = S[LENGTH, lane]
@@ -454,9 +459,9 @@ def _cable_substep(S, cfg, dt, n_lanes):
         S[SHEAVE_NEW, lane] = -S[SHEAVE_NEW, lane]
     if cfg[HAS_COMPENSATOR] == 1:
         _solve_with_rod(S, cfg, at, dt, n_lanes)
-        cable_move(S, at, n, n_lanes)
+        cable_move(S, at, n, n_lanes, tension_only, hookean)
     else:
-        cable_step(S, at, n, cfg[N_ITERATIONS], n_lanes, dt, tension_only)
+        cable_step(S, at, n, cfg[N_ITERATIONS], n_lanes, dt, tension_only, hookean)
     cable_tensions(S, at, n, n_lanes, tension_only)
     for lane in range(n_lanes):
         hauled = S[WINCH_DISPLACEMENT, lane] - S[WINCH_OLD, lane]
@@ -496,8 +501,11 @@ def _show_cable(S, cfg, first_lane, last_lane):
         reference = S[INITIAL_LENGTH, lane] + S[PAYOUT, lane]
         w1, w2, EA = S[CABLE_WEIGHT, lane], S[PAYLOAD_WEIGHT, lane], S[CABLE_STIFFNESS, lane]
         stretch = reference * (w2 + half * w1 * reference) / EA
-        S[PAYLOAD_HEAVE, lane] = S[WINCH_DISPLACEMENT, lane] + stretch - S[bottom + DISPLACEMENT, lane]
         lengthening = one + (w2 + w1 * reference) / EA
+        if cfg[HOOKEAN] == 0:
+            stretch = hanging_stretch(S, lane, cfg[N_ELEMENTS], reference)
+            lengthening = one + hanging_strain(S, lane, w2 + w1 * reference)
+        S[PAYLOAD_HEAVE, lane] = S[WINCH_DISPLACEMENT, lane] + stretch - S[bottom + DISPLACEMENT, lane]
         S[PAYLOAD_HEAVE_RATE, lane] = S[PAYOUT_RATE, lane] * lengthening - S[bottom + VELOCITY, lane]
 
 
@@ -817,7 +825,8 @@ def _make(n_lanes: int, fingerprint: int):
                 S[PAYLOAD_HEAVE, lane] = S[BOOM_TIP_HEAVE, lane] + S[WINCH_DISPLACEMENT, lane]
             else:
                 S[LENGTH, lane] = S[INITIAL_LENGTH, lane] - S[WINCH_DISPLACEMENT, lane]
-                hang_still(S, lane, cfg[ROW_NODES], cfg[N_ELEMENTS], -S[BOOM_TIP_HEAVE, lane])
+                hookean = cfg[HOOKEAN] == 1
+                hang_still(S, lane, cfg[ROW_NODES], cfg[N_ELEMENTS], -S[BOOM_TIP_HEAVE, lane], hookean)
                 _show_cable(S, cfg, lane, lane + 1)
                 S[SHEAVE_TENSION, lane] = S[PAYLOAD_WEIGHT, lane] + S[CABLE_WEIGHT, lane] * S[LENGTH, lane]
                 S[PAYLOAD_TENSION, lane] = S[PAYLOAD_WEIGHT, lane]

@@ -132,7 +132,15 @@ COMPENSATOR_OLD = 98
 FIRST_TRIAL = 99
 FIRST_GAP = 100
 SCRATCH = 101
-N_FIXED = 111
+
+# Of a rope beyond Hooke's law, whose stored energy over EA is e²/2 + QUADRATIC e³ + CUBIC e⁴; the last row is
+# scratch.
+CABLE_QUADRATIC = 111
+CABLE_CUBIC = 112
+RELAXING_STIFFNESS = 113
+RELAXATION_RATE = 114
+RELAXING_SHARE = 115
+N_FIXED = 116
 
 # Fields of a node; the node j stands at the rows from `nodes + N_NODE_FIELDS * j`.
 DISPLACEMENT = 0

@@ -430,6 +430,15 @@ class Cable:
     """Whether the cable goes slack (T = 0) in place of carrying compression."""
     breaking_strength: float | None = None
     """Tension at which the cable parts and the payload is lost [N]; null: never."""
+    quadratic_hardening: float = 0.0
+    """k2 of the rope's law T = EA (e + k2 e² + k3 e³) [-]; 0 is Hooke's. Of this and what follows the
+    environment and the axial solver know; other solvers refuse it."""
+    cubic_hardening: float = 0.0
+    """k3 of the rope's law [-]."""
+    relaxing_stiffness: float = 0.0
+    """EA1 [N]: what a Maxwell branch beside the spring adds to the stiffness of fast motion; 0: none."""
+    relaxation_time: float = 1.0
+    """τ in which the tension of that branch relaxes [s]."""
 
     def __post_init__(self) -> None:
         require_number(self, "mass_per_length", non_negative=True)
@@ -443,6 +452,24 @@ class Cable:
         require_number(self, "axial_damping", non_negative=True)
         require_number(self, "breaking_strength", positive=True, optional=True)
         require(isinstance(self.tension_only, bool), self, "tension_only", "true or false")
+        require_number(self, "quadratic_hardening")
+        require_number(self, "cubic_hardening", non_negative=True)
+        require_number(self, "relaxing_stiffness", non_negative=True)
+        require_number(self, "relaxation_time", positive=True)
+        k2, k3 = self.quadratic_hardening, self.cubic_hardening
+        stiffens = k2 == 0.0 or (self.tension_only and k2 > 0.0) or k2**2 < 3.0 * k3
+        require(
+            stiffens,
+            self,
+            "quadratic_hardening",
+            f"below sqrt(3 cubic_hardening) = {math.sqrt(3.0 * k3):g} in magnitude (above zero any of a "
+            "tension_only cable), so that tension grows with strain",
+        )
+
+    @property
+    def is_hookean(self) -> bool:
+        """Whether tension is proportional to strain (and strain rate): neither hardening nor relaxing."""
+        return self.quadratic_hardening == self.cubic_hardening == self.relaxing_stiffness == 0.0
 
     @property
     def inertia_per_length(self) -> float:

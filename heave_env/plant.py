@@ -16,7 +16,7 @@ from scipy.linalg import expm
 
 from heave_env import kernel as k
 from heave_env import layout as rows
-from heave_env.cable.axial import fill_parameters, node_rows
+from heave_env.cable.axial import fill_parameters, n_cable_rows, node_rows
 from heave_env.parameters import LinearPayload, Winch
 from heave_env.scenarios import Scenario
 from heave_env.sea import read_motion, square_root
@@ -218,6 +218,7 @@ class Plant:
         )
         cfg[k.SENSORS_VARY] = "sensors" in scenario.varies
         cfg[k.DELAY_VARIES] = any(draw.parameter == "winch.command_delay" for draw in scenario.uncertainty)
+        cfg[k.HOOKEAN] = scenario.is_hookean
         cfg[k.HAS_COMPENSATOR] = scenario.compensator is not None
         cfg[k.SENSORS_ERR] = not all(sensor.is_plain for sensor in sensors)
         cfg[k.N_DRAWS] = len(scenario.uncertainty)
@@ -239,7 +240,10 @@ class Plant:
             (k.ROW_SENSOR_TABLE, 3 * len(sensors) if cfg[k.SENSORS_VARY] else 0),
             (k.ROW_DRAWS, len(scenario.uncertainty)),
             (k.ROW_SENSOR_STATE, 5 * len(sensors) if cfg[k.SENSORS_ERR] else 0),
-            (k.ROW_NODES, 0 if scenario.is_linear else rows.N_NODE_FIELDS * (scenario.n_elements + 1)),
+            (
+                k.ROW_NODES,
+                0 if scenario.is_linear else n_cable_rows(scenario.n_elements, hookean=scenario.is_hookean),
+            ),
         ):
             cfg[key] = row
             row += count
@@ -260,7 +264,8 @@ class Plant:
             (rows.CHANNEL_NAMES.index(sensor.channel), age) for sensor, age in zip(sensors, ages, strict=True)
         ]
         cfg[k.AT_NODE_ROWS] = len(cfg) + 2 * len(readings) + len(lags)
-        parts = (cfg, np.ravel(readings), lags, node_rows(int(cfg[k.ROW_NODES]), scenario.n_elements))
+        nodes = node_rows(int(cfg[k.ROW_NODES]), scenario.n_elements, hookean=scenario.is_hookean)
+        parts = (cfg, np.ravel(readings), lags, nodes)
         self._cfg = np.concatenate(parts).astype(np.int64)
         self._tables = np.concatenate(tables)
         self._state = np.zeros((self.n_blocks, row, self.n_lanes), dtype=self.dtype)

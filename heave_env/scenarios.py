@@ -40,6 +40,7 @@ from heave_env.parameters import (
     require_number,
 )
 from heave_env.rao import table_path
+from heave_env.ropes import steel_wire_rope
 from heave_env.sensors import (
     CABLE_CHANNELS,
     CHANNELS,
@@ -369,6 +370,12 @@ class Scenario:
         return self.linear_payload is not None
 
     @property
+    def is_hookean(self) -> bool:
+        """Whether the cable follows Hooke's law in every episode, or there is none."""
+        drawn = {draw.parameter for draw in self.uncertainty}
+        return (self.cable is None or self.cable.is_hookean) and not drawn & _BEYOND_HOOKE
+
+    @property
     def initial_length(self) -> float:
         """Unstretched length outboard at the start [m]; zero for a linear payload."""
         return float(self.length) if self.length is not None else 0.0
@@ -380,9 +387,13 @@ class Scenario:
         return self.winch.command_range if stroke is None else min(stroke, self.winch.command_range)
 
     def static_stretch(self, length: float) -> float:
-        """Elongation of the cable hanging in still water, L (w2 + w1 L / 2) / EA [m]."""
+        """Elongation of the cable hanging in still water, L (w2 + w1 L / 2) / EA by Hooke's law [m]."""
         if self.cable is None or self.payload is None:
             return 0.0
+        if not self.cable.is_hookean:
+            from heave_env.cable.axial import hanging_elongation
+
+            return float(hanging_elongation(self.cable, self.payload, length, self.n_elements))
         weight = self.payload.submerged_weight + 0.5 * self.cable.submerged_weight * length
         return length * weight / self.cable.axial_stiffness
 
@@ -540,8 +551,14 @@ _ACROSS = {
     "payload": ("lateral_added_mass", "lateral_drag_area"),
 }
 """What only motion across the cable asks for, which this plant does not have."""
+_BEYOND_HOOKE = {"cable.quadratic_hardening", "cable.cubic_hardening", "cable.relaxing_stiffness"}
+"""Numbers that take a rope beyond Hooke's law when they are not zero."""
 _LATER: dict[str, tuple[type, tuple[str, ...]]] = {
     "": (Scenario, ("uncertainty", "compensator")),
+    "cable": (
+        Cable,
+        ("quadratic_hardening", "cubic_hardening", "relaxing_stiffness", "relaxation_time"),
+    ),
     "sea_state": (
         SeaState,
         (
@@ -1015,4 +1032,30 @@ def deep_resonance() -> Scenario:
         payload=Payload(mass=12_000.0, added_mass=8_000.0, submerged_weight=100_000.0, drag_area=8.0),
         sensors=(*_survey_sensors(), Sensor(channel="sheave_tension", noise_std=500.0)),
         task=Task(position_weight=1e3, command_weight=1.0),
+    )
+
+
+@scenario("cable", "pay_out", "landing", "delay")
+def landing() -> Scenario:
+    """A 20 t manifold set down on the bed at 300 m: the last 20 m are paid out at 0.15 m/s while the winch
+    compensates, and the episode ends at touch-down, whose speed is the figure of merit. Ours throughout.
+    """
+    rope = steel_wire_rope(0.036)
+    return Scenario(
+        name="unnamed",
+        start="compensated",
+        n_iterations=6,
+        sea_state=SeaState(significant_wave_height=2.5, peak_omega=0.7),
+        vessel=_thesis_vessel(),
+        winch=Winch(time_constant=0.5, command_range=3.0, command_delay=0.2, speed_limit=1.5),
+        length=280.0,
+        cable=rope,
+        payload=Payload(mass=20_000.0, added_mass=18_000.0, submerged_weight=165_000.0, drag_area=30.0),
+        pay_out=PayOut(speed=0.15, start=120.0, distance=40.0, ramp=10.0),
+        sensors=(
+            *_survey_sensors(),
+            Sensor(channel="length"),
+            Sensor(channel="sheave_tension", noise_std=500.0),
+        ),
+        task=Task(position_weight=1e4, command_weight=1.0, tension_limit=0.4 * 904e3, landing_depth=300.0),
     )

@@ -26,7 +26,7 @@ HOMES = {  # the first room in which a package may be imported
 }
 LAYERS = (  # inside heave_env, from the bottom; a module imports none above its own layer
     ("parameters", "document", "compiled", "layout", "lanes", "streams", "files", "provenance"),
-    ("spectra", "shaping", "rao", "sea", "vessel", "winch", "compensator", "hydrodynamics"),
+    ("ropes", "spectra", "shaping", "rao", "sea", "vessel", "winch", "compensator", "hydrodynamics"),
     ("cable",),
     ("sensors", "task"),
     ("scenarios", "controller"),

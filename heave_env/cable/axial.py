@@ -37,14 +37,22 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
-from heave_env.cable.constitutive import taut_tension
+from heave_env.cable.constitutive import (
+    rope_energy_coefficients,
+    rope_tension,
+    static_strain,
+    strain_of,
+    taut_tension,
+)
 from heave_env.cable.convergence import ConvergenceError
-from heave_env.compiled import source_fingerprint, stage
+from heave_env.compiled import seldom, source_fingerprint, stage
 from heave_env.lanes import block_of_lanes, row
 from heave_env.layout import (
+    CABLE_CUBIC,
     CABLE_DAMPING,
     CABLE_DRAG,
     CABLE_INERTIA,
+    CABLE_QUADRATIC,
     CABLE_STIFFNESS,
     CABLE_WEIGHT,
     DISPLACEMENT,
@@ -62,6 +70,9 @@ from heave_env.layout import (
     PAYLOAD_INERTIA,
     PAYLOAD_TENSION,
     PAYLOAD_WEIGHT,
+    RELAXATION_RATE,
+    RELAXING_SHARE,
+    RELAXING_STIFFNESS,
     SCRATCH,
     SHEAVE_NEW,
     SHEAVE_OLD,
@@ -122,6 +133,79 @@ def _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, first):
                 tension -= stiffness * gained_to_middle
             row(S, here + ELEMENT_STIFFNESS)[lane] = stiffness * per_spacing
             row(S, here + ELEMENT_TENSION)[lane] = tension
+
+
+@stage
+def _rope_strains(S, here, lane, first):
+    """Old and new strain of the element below a node, the mid-step's gain and its base, as in
+    `_constitutive_pass`."""
+    real = S.dtype.type
+    zero, two = real(0.0), real(2.0)
+    below = here + N_NODE_FIELDS
+    per_spacing = row(S, _PER_MID_SPACING)[lane]
+    elongation = row(S, below + DISPLACEMENT)[lane] - row(S, here + DISPLACEMENT)[lane]
+    gained = (row(S, below + INCREMENT)[lane] - row(S, here + INCREMENT)[lane]) * per_spacing
+    gained = zero if first else gained
+    old = elongation * row(S, _PER_OLD_SPACING)[lane]
+    return old, two * (elongation * per_spacing + gained) - old, gained
+
+
+@seldom
+def _rope_pass(S, at, n_elements, n_lanes, dt, tension_only, first):
+    """`_constitutive_pass` of a rope beyond Hooke's law.
+
+    What its Maxwell branches hold stands in rows of its own, at `at[n_elements + 1 + j]`.
+    """
+    real = S.dtype.type
+    per_dt, half_step = real(1.0 / dt), real(0.5 * dt)
+    zero, half, one, two = real(0.0), real(0.5), real(1.0), real(2.0)
+    for lane in range(n_lanes):
+        row(S, RELAXING_SHARE)[lane] = one / (one + half_step * row(S, RELAXATION_RATE)[lane])
+    for j in range(n_elements):
+        here, held = at[j], at[n_elements + 1 + j]
+        for lane in range(n_lanes):
+            old, new, gained = _rope_strains(S, here, lane, first)
+            tension, slope, _ = rope_tension(
+                old,
+                new,
+                row(S, held)[lane],
+                row(S, CABLE_STIFFNESS)[lane],
+                row(S, CABLE_QUADRATIC)[lane],
+                row(S, CABLE_CUBIC)[lane],
+                row(S, RELAXING_STIFFNESS)[lane],
+                row(S, RELAXING_SHARE)[lane],
+                row(S, CABLE_DAMPING)[lane],
+                per_dt,
+                tension_only,
+                zero,
+                half,
+                one,
+            )
+            stiffness = two * slope
+            row(S, here + ELEMENT_STIFFNESS)[lane] = stiffness * row(S, _PER_MID_SPACING)[lane]
+            row(S, here + ELEMENT_TENSION)[lane] = tension - stiffness * gained
+
+
+@seldom
+def _relax(S, at, n_elements, n_lanes, tension_only):
+    """Moves what the Maxwell branches hold on to the end of the step, before the nodes move.
+
+    A branch that cannot push lets go of what would be compression.
+    """
+    real = S.dtype.type
+    zero, half, two = real(0.0), real(0.5), real(2.0)
+    for j in range(n_elements):
+        here, held = at[j], at[n_elements + 1 + j]
+        for lane in range(n_lanes):
+            old, new, _ = _rope_strains(S, here, lane, False)
+            if tension_only:
+                old, new = max(old, zero), max(new, zero)
+            before = row(S, held)[lane]
+            middle = row(S, RELAXING_SHARE)[lane] * (before + half * (new - old))
+            if tension_only:
+                middle = max(middle, zero)
+            after = two * middle - before
+            row(S, held)[lane] = max(after, zero) if tension_only else after
 
 
 @stage
@@ -252,9 +336,11 @@ def _begin_step(S, n_elements, n_lanes):
 
 
 @stage
-def cable_move(S, at, n_elements, n_lanes):
+def cable_move(S, at, n_elements, n_lanes, tension_only, hookean):
     """Moves the nodes on by twice their increments to mid-step."""
     real = S.dtype.type
+    if not hookean:
+        _relax(S, at, n_elements, n_lanes, tension_only)
     two = real(2.0)
     for lane in range(n_lanes):
         row(S, at[0] + DISPLACEMENT)[lane] = row(S, SHEAVE_NEW)[lane]
@@ -268,17 +354,20 @@ def cable_move(S, at, n_elements, n_lanes):
 
 
 @stage
-def cable_solve(S, at, n_elements, n_iterations, n_lanes, dt, tension_only):
+def cable_solve(S, at, n_elements, n_iterations, n_lanes, dt, tension_only, hookean):
     """Finds what every node gains in one solver step and leaves it in `INCREMENT`; nothing has moved yet."""
     _begin_step(S, n_elements, n_lanes)
     for iteration in range(n_iterations):
-        _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, iteration == 0)
+        if hookean:
+            _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, iteration == 0)
+        else:
+            _rope_pass(S, at, n_elements, n_lanes, dt, tension_only, iteration == 0)
         _forward_pass(S, at, n_elements, n_lanes, dt, iteration == 0)
         _backward_pass(S, at, n_elements, n_lanes, dt)
 
 
 @stage
-def cable_step(S, at, n_elements, n_iterations, n_lanes, dt, tension_only):
+def cable_step(S, at, n_elements, n_iterations, n_lanes, dt, tension_only, hookean):
     """Advances cable and payload by one solver step.
 
     Reads the sheave's displacement and the length at both ends of the step (`SHEAVE_OLD`, `SHEAVE_NEW`,
@@ -286,8 +375,8 @@ def cable_step(S, at, n_elements, n_iterations, n_lanes, dt, tension_only):
     computed, the compiler would test the rows of all nodes at once for overlap, which rows that lie
     between each other fail, and run the scalar loops.
     """
-    cable_solve(S, at, n_elements, n_iterations, n_lanes, dt, tension_only)
-    cable_move(S, at, n_elements, n_lanes)
+    cable_solve(S, at, n_elements, n_iterations, n_lanes, dt, tension_only, hookean)
+    cable_move(S, at, n_elements, n_lanes, tension_only, hookean)
 
 
 @stage
@@ -304,21 +393,25 @@ def solved_sheave_tension(S, at, n_elements, lane, tension_only):
 
 
 @stage
-def _settled_step(S, at, n_elements, n_iterations, dt, tension_only, trial):
-    """`cable_step` of a single lane; a tension-only cable iterates on until its velocities settle.
+def _settled_step(S, at, n_elements, n_iterations, dt, tension_only, hookean, trial):
+    """`cable_step` of a single lane; one that is not linear iterates on until its velocities settle.
 
     Returns the last change of a velocity within an iteration [m/s], relative where that is above 1 m/s: zero
-    for a cable that carries compression, whose iterations are counted, not watched.
+    for a linear cable, whose iterations are counted, not watched.
     """
     _begin_step(S, n_elements, 1)
     change = 0.0
     for j in range(n_elements + 1):
         trial[j] = S[at[j] + VELOCITY, 0]
-    for iteration in range(max(n_iterations, _MOST_ITERATIONS if tension_only else 1)):
-        _constitutive_pass(S, at, n_elements, 1, dt, tension_only, iteration == 0)
+    watched = tension_only or not hookean
+    for iteration in range(max(n_iterations, _MOST_ITERATIONS) if watched else n_iterations):
+        if hookean:
+            _constitutive_pass(S, at, n_elements, 1, dt, tension_only, iteration == 0)
+        else:
+            _rope_pass(S, at, n_elements, 1, dt, tension_only, iteration == 0)
         _forward_pass(S, at, n_elements, 1, dt, iteration == 0)
         _backward_pass(S, at, n_elements, 1, dt)
-        if tension_only:
+        if watched:
             change, fastest = 0.0, 1.0
             for j in range(1, n_elements + 1):
                 velocity = S[at[j] + TRIAL_VELOCITY, 0]
@@ -328,7 +421,7 @@ def _settled_step(S, at, n_elements, n_iterations, dt, tension_only, trial):
             change /= fastest
             if iteration + 1 >= n_iterations and change <= _SETTLED:
                 break
-    cable_move(S, at, n_elements, 1)
+    cable_move(S, at, n_elements, 1, tension_only, hookean)
     return change
 
 
@@ -368,8 +461,28 @@ def cable_tensions(S, at, n_elements, n_lanes, tension_only):
         row(S, SLACK)[lane] = one if row(S, TENSION_MIN)[lane] <= zero else zero
 
 
+@seldom
+def hanging_strain(S, lane, tension):
+    """Strain of a relaxed rope beyond Hooke's law under a tension."""
+    EA, quadratic, cubic = S[CABLE_STIFFNESS, lane], S[CABLE_QUADRATIC, lane], S[CABLE_CUBIC, lane]
+    real = S.dtype.type
+    return real(strain_of(np.float64(tension), np.float64(EA), np.float64(quadratic), np.float64(cubic)))
+
+
+@seldom
+def hanging_stretch(S, lane, n_elements, length):
+    """Stretch of a rope beyond Hooke's law that hangs still, element by element as `hang_still` has it."""
+    real = S.dtype.type
+    h, half = real(1.0 / n_elements), real(0.5)
+    stretch = real(0.0)
+    for j in range(n_elements):
+        tension = S[PAYLOAD_WEIGHT, lane] + S[CABLE_WEIGHT, lane] * length * h * (real(n_elements - j) - half)
+        stretch += hanging_strain(S, lane, tension) * length * h
+    return stretch
+
+
 @stage
-def hang_still(S, lane, nodes, n_elements, sheave):
+def hang_still(S, lane, nodes, n_elements, sheave, hookean):
     """Puts one lane at rest in static equilibrium below a sheave displaced by `sheave`, positive down."""
     real = S.dtype.type
     h = real(1.0 / n_elements)
@@ -386,12 +499,47 @@ def hang_still(S, lane, nodes, n_elements, sheave):
         S[here + TRIAL_VELOCITY, lane] = real(0.0)
         S[here + ELEMENT_STIFFNESS, lane] = EA / (L * h)
         S[here + ELEMENT_TENSION, lane] = tension
-        displacement += tension * L * h / EA
+        if hookean:
+            displacement += tension * L * h / EA
+        else:
+            displacement += hanging_strain(S, lane, tension) * L * h
+    if not hookean:
+        behind = nodes + N_NODE_FIELDS * (n_elements + 1)
+        for j in range(n_elements):
+            S[behind + j, lane] = real(0.0)
 
 
-def node_rows(first: int, n_elements: int) -> Array:
-    """Rows at which the nodes stand in a state buffer, from row `first` on, (n_elements + 1,)."""
-    return first + N_NODE_FIELDS * np.arange(n_elements + 1, dtype=np.int64)
+def n_cable_rows(n_elements: int, *, hookean: bool) -> int:
+    """Rows that nodes (and the Maxwell branches of a rope beyond Hooke's law) take in a state buffer [-]."""
+    return N_NODE_FIELDS * (n_elements + 1) + (0 if hookean else n_elements)
+
+
+def node_rows(first: int, n_elements: int, *, hookean: bool) -> Array:
+    """Rows at which the nodes stand in a state buffer, from row `first` on, (n_elements + 1,).
+
+    Those of a rope beyond Hooke's law are followed by the rows of its Maxwell branches, (n_elements,).
+    """
+    nodes = first + N_NODE_FIELDS * np.arange(n_elements + 1, dtype=np.int64)
+    behind = first + N_NODE_FIELDS * (n_elements + 1) + np.arange(n_elements, dtype=np.int64)
+    return nodes if hookean else np.concatenate([nodes, behind])
+
+
+def hanging_elongation(
+    cable: Cable, payload: Payload, length: Array | float, n_elements: int
+) -> Array | float:
+    """Elongation of a rope beyond Hooke's law that hangs still and relaxed, element by element [m].
+
+    Args:
+        cable: The rope.
+        payload: What hangs on it.
+        length: Unstretched length [m], any shape.
+        n_elements: Elements that the rope is cut into [-].
+    """
+    L = np.asarray(length, dtype=float)
+    share = (np.arange(n_elements) + 0.5) / n_elements
+    tension = payload.submerged_weight + cable.submerged_weight * L[..., None] * share
+    stretch = L * np.mean(static_strain(cable, tension), axis=-1)
+    return float(stretch) if np.ndim(length) == 0 else stretch
 
 
 def fill_parameters(S: Array, cable: Cable, payload: Payload) -> None:
@@ -401,6 +549,9 @@ def fill_parameters(S: Array, cable: Cable, payload: Payload) -> None:
     S[..., CABLE_INERTIA, :] = cable.inertia_per_length
     S[..., CABLE_WEIGHT, :] = cable.submerged_weight
     S[..., CABLE_DRAG, :] = cable.tangential_drag_per_length
+    S[..., CABLE_QUADRATIC, :], S[..., CABLE_CUBIC, :] = rope_energy_coefficients(cable)
+    S[..., RELAXING_STIFFNESS, :] = cable.relaxing_stiffness
+    S[..., RELAXATION_RATE, :] = 1.0 / cable.relaxation_time
     S[..., PAYLOAD_INERTIA, :] = payload.inertia
     S[..., PAYLOAD_WEIGHT, :] = payload.submerged_weight
     S[..., PAYLOAD_DRAG, :] = payload.drag_factor
@@ -408,7 +559,7 @@ def fill_parameters(S: Array, cable: Cable, payload: Payload) -> None:
 
 def _make_march(fingerprint: int):
     @njit(cache=True, error_model="numpy")
-    def march(state, at, n_elements, n_iterations, dt, tension_only, sheave, length, out, envelope):
+    def march(state, at, n_elements, n_iterations, dt, tension_only, hookean, sheave, length, out, envelope):
         """Drives one cable through given sheave displacements and lengths.
 
         Fills `out` (n_steps + 1, 6) and the least and most tension of each element, `envelope` (2,
@@ -435,7 +586,7 @@ def _make_march(fingerprint: int):
                         S[LENGTH, 0] = (1.0 - b) * length[k - 1] + b * length[k]
                         S[LENGTH_SPEED, 0] = (length[k] - length[k - 1]) / dt
                         change = _settled_step(
-                            S, at, n_elements, n_iterations, dt / pieces, tension_only, trial
+                            S, at, n_elements, n_iterations, dt / pieces, tension_only, hookean, trial
                         )
                         if not change <= _SETTLED:
                             break
@@ -463,10 +614,10 @@ def _make_march(fingerprint: int):
         return -1, 0.0
 
     @njit(cache=True, error_model="numpy")
-    def hang(S, n_elements, sheave):
+    def hang(S, n_elements, sheave, hookean):
         """Hangs the cable still below the sheave."""
         if fingerprint != 0:
-            hang_still(S, 0, N_FIXED, n_elements, sheave)
+            hang_still(S, 0, N_FIXED, n_elements, sheave, hookean)
 
     return march, hang
 
@@ -580,11 +731,11 @@ class AxialSolver:
 
     def rest(self, sheave_heave: float = 0.0, length: float | None = None) -> AxialState:
         """Hanging still below a sheave at `sheave_heave` [m, positive up]."""
-        S = np.zeros((self._bottom + N_NODE_FIELDS, 1))
+        S = np.zeros((N_FIXED + n_cable_rows(self.n_elements, hookean=self.cable.is_hookean), 1))
         fill_parameters(S, self.cable, self.payload)
         L = self.length if length is None else length
         S[LENGTH] = L
-        _hang(S, self.n_elements, -sheave_heave)
+        _hang(S, self.n_elements, -sheave_heave, self.cable.is_hookean)
         return AxialState(S, -sheave_heave, L)
 
     def step(self, state: AxialState, top: tuple[float, float], dt: float) -> AxialState:
@@ -620,7 +771,8 @@ class AxialSolver:
         """
         S = state.buffer.copy()
         ends = self._tensions(S, state)[0]
-        nodes = S[N_FIXED:, 0].reshape(self.n_elements + 1, N_NODE_FIELDS)[::-1]
+        nodes = S[N_FIXED : self._bottom + N_NODE_FIELDS, 0]
+        nodes = nodes.reshape(self.n_elements + 1, N_NODE_FIELDS)[::-1]
         arc_length = state.length * np.arange(self.n_elements + 1) / self.n_elements
         of_elements = nodes[1:, LOAD]
         inner = 0.5 * (of_elements[1:] + of_elements[:-1])
@@ -635,7 +787,9 @@ class AxialSolver:
         )
 
     def static_stretch(self, length: Array | float) -> Array | float:
-        """Elongation hanging still, L (w2 + w1 L / 2) / EA [m]."""
+        """Elongation hanging still, L (w2 + w1 L / 2) / EA by Hooke's law [m]."""
+        if not self.cable.is_hookean:
+            return hanging_elongation(self.cable, self.payload, length, self.n_elements)
         weight = self.payload.submerged_weight + 0.5 * self.cable.submerged_weight * length
         return length * weight / self.cable.axial_stiffness
 
@@ -702,11 +856,12 @@ class AxialSolver:
         out = np.empty((len(sheave), 6))
         failed, residual = _march(
             S,
-            node_rows(N_FIXED, self.n_elements),
+            node_rows(N_FIXED, self.n_elements, hookean=self.cable.is_hookean),
             self.n_elements,
             self.n_iterations,
             dt,
             self.cable.tension_only,
+            self.cable.is_hookean,
             sheave,
             length,
             out,

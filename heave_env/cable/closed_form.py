@@ -7,6 +7,7 @@ import math
 import numpy as np
 from scipy.optimize import brentq
 
+from heave_env.cable.constitutive import dynamic_modulus
 from heave_env.parameters import Cable, Payload
 
 Array = np.ndarray
@@ -24,7 +25,7 @@ def payload_response(
     """Payload heave over sheave heave of a linear rod with an end mass, at iω.
 
     H = 1 / (cos kL - (M ω² - i ω b) sin(kL) / (E* k)),  k² = ((m + m_a) ω² - i ω c) / E*,
-    E* = EA + i ω C_A
+    E* = EA + i ω C_A (`dynamic_modulus` of a rope beyond Hooke's law, at its mean static tension)
 
     Source: solution of the wave equation with an end mass (as in Huang 1992, ch. 12), drag linear.
 
@@ -40,7 +41,8 @@ def payload_response(
         Complex response [-], same shape.
     """
     w = np.asarray(omega, dtype=float)
-    modulus = cable.axial_stiffness + 1j * w * cable.axial_damping
+    tension = payload.submerged_weight + 0.5 * cable.submerged_weight * length
+    modulus = dynamic_modulus(cable, w, tension)
     k = np.sqrt((cable.inertia_per_length * w**2 - 1j * w * cable_damping) / modulus)
     end = payload.inertia * w**2 - 1j * w * payload_damping
     # sin(kL)/k, whole for a massless cable too.

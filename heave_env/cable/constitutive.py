@@ -5,12 +5,29 @@ the change of the stored energy over the change of strain (a discrete gradient),
 snapping taut neither makes nor loses energy, however stiff the elements; for a linear cable that is the
 tension at mid-step.
 
-Source: Huang (1992), (3.1), with Kelvin damping; discrete gradient after Gonzalez (1996).
+A rope beyond Hooke's law (`Cable.is_hookean` false) hardens and relaxes:
+
+    T = EA (e + k2 e² + k3 e³) + C_A De/Dt + EA1 a,   Da/Dt = De/Dt - a/τ
+
+a being the strain of a Maxwell branch's spring. It stores EA (e²/2 + k2 e³/3 + k3 e⁴/4) + EA1 a²/2. The first
+part being a polynomial, its change over the change of strain is one too, without cancellation: with x the
+strain before and y after, EA ((x + y)/2 + k2 (x² + xy + y²)/3 + k3 (x + y)(x² + y²)/4). The branch is stepped
+by the midpoint rule, whose loss over a step is EA1 a²/τ at mid-step and never negative. In a tension-only
+rope each of the three acts on the taut part of the strain and none pushes: what the branch would hold in
+compression it lets go.
+
+Source: Huang (1992), (3.1) and 3.4 (T = T(e, De/Dt)), with Kelvin damping; discrete gradient after Gonzalez
+(1996); standard linear solid after Zener (1948).
 """
 
 from __future__ import annotations
 
+import numpy as np
+
 from heave_env.compiled import stage
+from heave_env.parameters import Cable
+
+Array = np.ndarray
 
 
 @stage
@@ -53,3 +70,114 @@ def mean_tension(old, new, EA, CA, per_dt, tension_only):
     if tension_only:
         return taut_tension(old, new, EA, CA, per_dt, 0.0, 0.5, 1.0)
     return EA * 0.5 * (old + new) + CA * per_dt * (new - old), 0.5 * EA + CA * per_dt
+
+
+@stage
+def rope_tension(
+    old, new, held, EA, quadratic, cubic, EA1, share, CA, per_dt, tension_only, zero, half, one
+):  # fmt: skip
+    """Mean tension of a rope beyond Hooke's law over a step, d/d(new), and the branch's strain at mid-step.
+
+    `quadratic` and `cubic` are k2/3 and k3/4 (`rope_energy_coefficients`), `held` is the branch's strain
+    before the step, `share` 1/(1 + dt/2τ). The constants come in the lanes' precision.
+    """
+    x, y = old, new
+    if tension_only:
+        x, y = max(old, zero), max(new, zero)
+    crosses = tension_only and (new > zero) != (old > zero)
+    change = new - old if crosses else one
+    part = (y - x) / change if crosses else one
+    pulls = one if (new > zero or not tension_only) else zero
+    mean = half * (x + y) + quadratic * (x * x + x * y + y * y) + cubic * (x + y) * (x * x + y * y)
+    by_new = half + quadratic * (x + y + y) + cubic * (x * x + y * y + (x + y) * (y + y))
+    slope = by_new * pulls * part + (mean * (pulls - part) / change if crosses else zero)
+    middle = share * (held + half * (y - x))
+    holds = middle > zero or not tension_only
+    middle = middle if holds else zero
+    tension = EA * mean * part + CA * per_dt * (y - x) + EA1 * middle
+    stiffness = EA * slope + pulls * (CA * per_dt + (half * EA1 * share if holds else zero))
+    if tension_only:
+        stiffness = stiffness if tension > zero else zero
+        tension = max(tension, zero)
+    return tension, stiffness, middle
+
+
+@stage
+def strain_of(tension, EA, quadratic, cubic):
+    """Strain at which a relaxed rope carries a tension, by Newton's method kept within a bracket."""
+    wanted, k2, k3 = tension / EA, 3.0 * quadratic, 4.0 * cubic
+    least = 1.0
+    if k3 > 0.0 and (k2 < 0.0 or wanted < 0.0):
+        least = 1.0 - k2 * k2 / (3.0 * k3)
+    strain = wanted / least
+    low, high = min(strain, 0.0), max(strain, 0.0)
+    for _ in range(200):
+        excess = strain * (1.0 + strain * (k2 + strain * k3)) - wanted
+        low, high = (low, strain) if excess > 0.0 else (strain, high)
+        better = strain - excess / (1.0 + strain * (2.0 * k2 + 3.0 * strain * k3))
+        better = better if low <= better <= high else 0.5 * (low + high)
+        settled = abs(better - strain) <= 4e-16 * abs(better)
+        strain = better
+        if settled:
+            break
+    return strain
+
+
+def rope_energy_coefficients(cable: Cable) -> tuple[float, float]:
+    """k2/3 and k3/4: coefficients of the cubic and quartic terms of the stored energy over EA [-]."""
+    return cable.quadratic_hardening / 3.0, cable.cubic_hardening / 4.0
+
+
+def static_tension(cable: Cable, strain: Array | float) -> Array:
+    """Tension of the relaxed cable at a strain, EA (e + k2 e² + k3 e³) [N], same shape."""
+    e = np.asarray(strain, dtype=float)
+    e = np.maximum(e, 0.0) if cable.tension_only else e
+    return cable.axial_stiffness * e * (1.0 + e * (cable.quadratic_hardening + e * cable.cubic_hardening))
+
+
+def static_strain(cable: Cable, tension: Array | float) -> Array:
+    """Strain at which the relaxed cable carries a tension [-], same shape."""
+    T = np.asarray(tension, dtype=float)
+    third, quarter = rope_energy_coefficients(cable)
+    solved = [strain_of.py_func(float(t), cable.axial_stiffness, third, quarter) for t in T.ravel()]
+    return np.reshape(np.array(solved), T.shape)
+
+
+def stored_energy(cable: Cable, strain: Array | float) -> Array:
+    """Energy that the relaxed cable stores per unstretched length at a strain [J/m], same shape."""
+    e = np.asarray(strain, dtype=float)
+    e = np.maximum(e, 0.0) if cable.tension_only else e
+    third, quarter = rope_energy_coefficients(cable)
+    return cable.axial_stiffness * e**2 * (0.5 + e * (third + e * quarter))
+
+
+def dynamic_modulus(cable: Cable, omega: Array | float, tension: float) -> Array:
+    """Complex stiffness of small motion about a tension, dT/de + i ω C_A + EA1 i ω τ / (1 + i ω τ) [N].
+
+    Args:
+        cable: The cable.
+        omega: Angular frequency [rad/s], any shape.
+        tension: Tension that the motion is about [N]; a Hookean cable does not look at it.
+    """
+    w = np.asarray(omega, dtype=float)
+    modulus = cable.axial_stiffness + 1j * w * cable.axial_damping
+    if not cable.is_hookean:
+        e, turn = float(static_strain(cable, tension)), 1j * w * cable.relaxation_time
+        harder = e * (2.0 * cable.quadratic_hardening + 3.0 * e * cable.cubic_hardening)
+        modulus = modulus + cable.axial_stiffness * harder + cable.relaxing_stiffness * turn / (1.0 + turn)
+    return np.asarray(modulus)
+
+
+def require_hookean(cable: Cable) -> None:
+    """Refuses a rope beyond Hooke's law on behalf of a solver that does not know of it.
+
+    Raises:
+        ValueError: If the cable hardens or relaxes, naming the field.
+    """
+    for field in ("quadratic_hardening", "cubic_hardening", "relaxing_stiffness"):
+        value = getattr(cable, field)
+        if value != 0.0:
+            raise ValueError(
+                f"Cable.{field} must be 0 here, got {value!r}: only the axial solver and the environment "
+                "know ropes beyond Hooke's law; put a tangent stiffness into axial_stiffness"
+            )

@@ -39,6 +39,7 @@ from scipy.optimize import brentq
 
 from heave_env.cable.axial import AxialSolver
 from heave_env.cable.closed_form import payload_response
+from heave_env.cable.constitutive import require_hookean
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.parameters import Cable, Payload, SeaState, Vessel, require_number
 from heave_env.vessel import boom_tip_lines
@@ -278,6 +279,7 @@ class Lowering:
     """The body at its lower end, heavier than water."""
 
     def __post_init__(self) -> None:
+        require_hookean(self.cable)
         require_number(self.payload, "submerged_weight", positive=True)
 
     # ---- static and quasi-static ----

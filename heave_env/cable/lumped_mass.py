@@ -61,6 +61,7 @@ from heave_env.cable.chain import (
     march,
     settle,
 )
+from heave_env.cable.constitutive import require_hookean
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.hydrodynamics import between_knots, current_knots
 from heave_env.parameters import Current, Line, Payload, require, require_integer, require_number
@@ -198,6 +199,8 @@ class LumpedMassSolver:
     def __post_init__(self) -> None:
         require_integer(self, "n_segments", minimum=1)
         require_number(self, "tolerance", positive=True)
+        for section in self.line.sections:
+            require_hookean(section.cable)
         require(self.lower in LOWER_ENDS, self, "lower", f"one of {', '.join(LOWER_ENDS)}")
         require(self.upper in UPPER_ENDS, self, "upper", f"one of {', '.join(UPPER_ENDS)}")
         require(self.body_drag in BODY_DRAGS, self, "body_drag", f"one of {', '.join(BODY_DRAGS)}")

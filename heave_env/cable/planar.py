@@ -41,7 +41,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from heave_env.cable.constitutive import mean_tension
+from heave_env.cable.constitutive import mean_tension, require_hookean
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.compiled import source_fingerprint, stage
 from heave_env.hydrodynamics import (
@@ -552,6 +552,7 @@ class PlanarSolver:
     def __post_init__(self) -> None:
         require_number(self, "length", positive=True)
         require_integer(self, "n_elements", minimum=1)
+        require_hookean(self.cable)
         require_number(self.payload, "submerged_weight", positive=True)
         require(self.payload_drag in PAYLOAD_DRAG, self, "payload_drag", f"one of {', '.join(PAYLOAD_DRAG)}")
         self._require_taut(self.length)

@@ -32,7 +32,7 @@ from numba import njit
 from scipy.linalg import eigh
 
 from heave_env.cable.catenary import Catenary, hanging_span
-from heave_env.cable.constitutive import mean_tension
+from heave_env.cable.constitutive import mean_tension, require_hookean
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.compiled import source_fingerprint, stage
 from heave_env.hydrodynamics import (
@@ -420,6 +420,7 @@ class SaggedSpanSolver:
         require_integer(self, "n_elements", minimum=4)
         require(self.n_elements % 2 == 0, self, "n_elements", "even, so that a node stands in the middle")
         require(self.strain in STRAINS, self, "strain", f"one of {', '.join(STRAINS)}")
+        require_hookean(self.cable)
         require_number(self.cable, "mass_per_length", positive=True)
         assert self.catenary.horizontal_force > 0.0
 

@@ -32,6 +32,7 @@ from functools import cached_property
 import numpy as np
 from numba import njit
 
+from heave_env.cable.constitutive import require_hookean
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.compiled import source_fingerprint, stage
 from heave_env.hydrodynamics import between_knots, current_factor, current_knots, line_drag, line_drag_slopes
@@ -687,6 +688,8 @@ class StaticsSolver:
         require_number(self, "time")
         require_integer(self, "n_segments", minimum=1)
         require_number(self, "tolerance", positive=True)
+        for section in self.line.sections:
+            require_hookean(section.cable)
         if isinstance(self.ends, FixedEnds):
             self._require_reach(math.dist(self.ends.lower, self.ends.upper))
         elif isinstance(self.ends, Moored):

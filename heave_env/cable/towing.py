@@ -33,6 +33,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from heave_env.cable.constitutive import require_hookean
 from heave_env.parameters import SEAWATER_DENSITY, Cable, require, require_number
 
 Array = np.ndarray
@@ -202,6 +203,7 @@ class Towing:
         require_number(self, "speed", non_negative=True)
         require_number(self, "payout_rate")
         require_number(self, "strumming_augmentation", non_negative=True)
+        require_hookean(self.cable)
         _require_sinking(self.cable)
         if self.cable.submerged_weight == 0.0:
             require(

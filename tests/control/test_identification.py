@@ -1,5 +1,7 @@
 """Gauss-Newton recovers what made a response; on the thesis's cable it finds the known a and b."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -108,3 +110,13 @@ def test_the_thesis_cable_over_eight_seas_linear_and_nonlinear(duration, scatter
     assert nonlinear.inertia == pytest.approx(7.263, abs=0.003)
     assert nonlinear.damping == pytest.approx(0.0536, rel=0.01)
     assert nonlinear.residual_std < 0.1 * linear.residual_std
+
+
+def test_a_soft_hardening_rope_is_identified():
+    # k2 alone makes no sense in compression: the rope must stay tension-only in the identification too.
+    scenario = load("deep_resonance")
+    rope = replace(scenario.cable, axial_stiffness=8e6, quadratic_hardening=10.0, relaxing_stiffness=4e6)
+    found = identify(replace(scenario, cable=rope))
+    guess, _ = first_guess(replace(scenario, cable=rope))
+    print(f"a of the rope: {found.inertia:.2f} s², of the spring {guess:.2f} s²")
+    assert 0.5 * guess < found.inertia < 1.2 * guess

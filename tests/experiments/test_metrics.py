@@ -8,7 +8,21 @@ import math
 import numpy as np
 import pytest
 
-from experiments.metrics import METRICS, mean_cost, paired_difference, scores, spectrum, summary, window
+from experiments.metrics import (
+    METRICS,
+    mean_cost,
+    metric_names,
+    paired_difference,
+    scores,
+    spectrum,
+    summary,
+    touch_down_speed,
+    window,
+)
+from experiments.report import cable_table
+from experiments.rollout import rollout
+from heave_env.controller import NoControl
+from heave_env.scenarios import load
 from tests.experiments.stored import DT, trajectory
 
 N_STEPS = 4000
@@ -97,6 +111,62 @@ def test_tension_and_shares_are_taken_over_the_scored_steps():
 def test_a_plant_without_a_cable_has_no_tension_metrics():
     found = scores(trajectory(np.zeros((N_STEPS + 1, 1)), cable=False), window(400.0, DT))
     assert {name for name in METRICS if name not in found} == {n for n, m in METRICS.items() if m.cable}
+
+
+def test_touch_down_speed_is_the_pay_out_less_the_rate_of_heave():
+    run = trajectory(np.zeros((N_STEPS + 1, 3)), n_valid=np.array([2000, 2500, N_STEPS]))
+    paid_out = 0.15 * TIME
+    lifted = np.broadcast_to(0.4 * np.sin(TIME), run.states["length"].shape)
+    rate = np.zeros_like(lifted)
+    rate[2000, 0], rate[2500, 1] = -0.2, 0.05
+    states = run.states | {
+        "length": 280.0 + paid_out - lifted,
+        "winch_displacement": lifted,
+        "payload_heave_rate": rate,
+    }
+    landed = {"landed": np.array([True, True, False])}
+    run = dataclasses.replace(run, states=states, outcomes=landed)
+    found = scores(run, window(400.0, DT))["touch_down_speed"]
+    assert found[:2] == pytest.approx([0.35, 0.10])
+    assert np.isnan(found[2])
+
+
+def test_touch_down_speed_is_that_of_the_plant():
+    scenario = load("landing")
+    run = rollout(scenario, NoControl(), range(6))
+    assert run.outcomes["landed"].all()
+    for sea in range(6):
+        last = run.n_valid[sea]
+        paid_out = run.states["length"][:, sea] + run.states["winch_displacement"][:, sea]
+        stretch = [scenario.static_stretch(length) for length in paid_out[last - 1 : last + 1]]
+        depth = (
+            paid_out[last - 1 : last + 1] + stretch - run.states["payload_heave"][last - 1 : last + 1, sea]
+        )
+        assert depth[0] < 300.0 <= depth[1]
+        # The mean speed over the step, where the metric has that at its end, without the stretch.
+        assert touch_down_speed(run)[sea] == pytest.approx(np.diff(depth)[0] / DT, abs=0.01)
+
+
+def test_only_an_operation_that_is_to_land_has_a_touch_down_speed():
+    names = {name: set(metric_names(load(name))) for name in ("landing", "lowering", "thesis_linear")}
+    assert names["landing"] == set(METRICS)
+    assert names["landing"] - names["lowering"] == {"touch_down_speed"}
+    assert names["lowering"] - names["thesis_linear"] == {
+        name for name, metric in METRICS.items() if metric.cable and not metric.landing
+    }
+
+
+def test_a_report_shows_touch_down_where_a_payload_is_to_land():
+    names = ("winch_work", "winch_power_peak", "tension_peak", "tension_min", "slack_fraction", "safety_cost")
+    metrics = {name: {"mean": 1.0, "maximum": 1.0} for name in names}
+    metrics["touch_down_speed"] = {"mean": 0.149, "low": 0.146, "high": 0.152}
+    columns, rows = cable_table({"lqg": {"metrics": metrics}})
+    assert columns[-1][0] == "touch-down [m/s]"
+    assert rows[0][-1] == "0.1490 ± 0.0030"
+    metrics.pop("touch_down_speed")
+    columns, rows = cable_table({"lqg": {"metrics": metrics}})
+    assert columns[-1][0] == "unsafe"
+    assert len(columns) == len(rows[0])
 
 
 def test_the_locked_winch_must_have_met_the_same_seas():
