@@ -152,12 +152,13 @@ def starting_gains(model: LinearModel, gain: Array) -> Array:
     return np.array(gains)
 
 
-def kalman_filter(scenario: Scenario, *, mismatch: float = 1.0) -> KalmanFilter:
+def kalman_filter(scenario: Scenario, *, mismatch: float = 1.0, drive: bool = False) -> KalmanFilter:
     """Designs the filter for a scenario's sensors.
 
     Args:
         scenario: The operation.
         mismatch: How many times the residual of the identification the model of a cable is doubted by.
+        drive: Whether a second-order winch has its rate as a state; else it is its lag.
 
     Raises:
         ValueError: If the sea is calm or nothing that the model expresses is measured.
@@ -168,7 +169,7 @@ def kalman_filter(scenario: Scenario, *, mismatch: float = 1.0) -> KalmanFilter:
             f"scenario {scenario.name!r} measures nothing that a linear filter can use; add a sensor of "
             f"{', '.join(MODELLED_CHANNELS)}"
         )
-    return filter_on(scenario, linear_model(scenario, mismatch=mismatch).select(outputs))
+    return filter_on(scenario, linear_model(scenario, mismatch=mismatch, drive=drive).select(outputs))
 
 
 def boom_tip_kalman_filter(scenario: Scenario) -> KalmanFilter:

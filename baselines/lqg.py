@@ -95,7 +95,9 @@ def lqg(
     q, r = design_weights(scenario, command_weight)
     if not (math.isfinite(speed_weight) and speed_weight >= 0.0):
         raise ValueError(f"speed_weight must be a number, not negative, got {speed_weight!r}")
-    model = linear_model(scenario)
+    # The limits of a winch are reckoned with about its lag; without any a second-order drive is modelled.
+    drive = scenario.winch.is_second_order and not scenario.winch.is_limited
+    model = linear_model(scenario, drive=drive)
     gain, _ = sampled_gain(model.A, model.B, q, r, speed_weight=speed_weight / scenario.control_dt**2)
     index = model.energy_index(gain)
     if sees_everything(scenario):
@@ -110,7 +112,7 @@ def lqg(
             truth=model,
             command_weight=r,
         )
-    estimator = kalman_filter(scenario, mismatch=mismatch)
+    estimator = kalman_filter(scenario, mismatch=mismatch, drive=drive)
     A, B, C, M = model.A, model.B, estimator.model.C, estimator.gain
     # estimate = (I - M C) prior + M y, in the form of `LinearController` with the prior as its memory.
     rest = np.eye(model.n_states) - M @ C
@@ -141,7 +143,7 @@ def sees_everything(scenario: Scenario) -> bool:
     if not scenario.observed_filter_states or not scenario.is_linear:
         # A cable has more states than its model: a filter finds what the model misses.
         return False
-    return set(linear_model(scenario).states) <= set(scenario.observation_names)
+    return set(linear_model(scenario, drive=True).states) <= set(scenario.observation_names)
 
 
 def predicted_cost(scenario: Scenario, estimator: KalmanFilter | None) -> float:

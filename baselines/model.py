@@ -31,7 +31,7 @@ from pathlib import Path
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
 
-from heave_env.parameters import LinearPayload, SeaState, peak_omega_of_zero_crossing_period
+from heave_env.parameters import LinearPayload, SeaState, Winch, peak_omega_of_zero_crossing_period
 from heave_env.scenarios import Scenario
 from heave_env.sea import (
     NOISE_INTENSITY,
@@ -217,8 +217,29 @@ class ContinuousModel:
         return float(np.linalg.norm(gain / self.thesis_sizes))
 
 
-def continuous_model(scenario: Scenario, *, sea: bool = True) -> ContinuousModel:
-    """The thesis's model of the scenario without its delay: 11 states with a vessel, or 3 without a sea."""
+def with_drive(model: ContinuousModel, winch: Winch) -> ContinuousModel:
+    """The model with a second-order drive in place of the winch's lag; its rate is one more state, the last.
+
+    u'' + 2 ζ ω u' + ω² u = ω² u0
+    """
+    assert winch.natural_omega is not None
+    w, z = winch.natural_omega, winch.damping_ratio
+    n = len(model.A)
+    A, B1 = np.pad(model.A, (0, 1)), np.pad(model.B1, ((0, 1), (0, 0)))
+    A[2], B1[2] = 0.0, 0.0
+    A[2, n] = 1.0
+    A[n, 2], A[n, n], B1[n] = -(w**2), -2.0 * z * w, w**2
+    sizes = np.append(model.thesis_sizes, 1.0)
+    return ContinuousModel(A, B1, np.pad(model.B2, ((0, 1), (0, 0))), sizes)
+
+
+def continuous_model(scenario: Scenario, *, sea: bool = True, drive: bool = False) -> ContinuousModel:
+    """The thesis's model of the scenario without its delay: 11 states with a vessel, or 3 without a sea.
+
+    With `drive` a second-order winch is what it is, with one more state; without, it is its lag.
+    """
+    if drive and scenario.winch.is_second_order:
+        return with_drive(continuous_model(scenario, sea=sea), scenario.winch)
     A, B, C = regulator_matrices(payload_model(scenario), scenario.winch.rate_constant)
     waves = sea_filter(scenario) if sea else None
     if waves is None:
@@ -326,7 +347,12 @@ def delayed_command(
 
 
 def linear_model(
-    scenario: Scenario, *, sea: bool = True, delay: bool = True, mismatch: float = 1.0
+    scenario: Scenario,
+    *,
+    sea: bool = True,
+    delay: bool = True,
+    mismatch: float = 1.0,
+    drive: bool = False,
 ) -> LinearModel:
     """The scenario's model at its control instants.
 
@@ -335,6 +361,7 @@ def linear_model(
         sea: Whether the boom tip's filter is part of the state; without it there is no process noise.
         delay: Whether the command's delay is.
         mismatch: How many times the residual of the identification the model of a cable is doubted by.
+        drive: Whether a second-order winch has its rate as a state, the last; else it is its lag.
 
     Returns:
         The model with every channel of the observation that it can express, pending commands included.
@@ -342,8 +369,9 @@ def linear_model(
     Raises:
         ValueError: If a sea is asked for and the scenario's is calm.
     """
-    continuous = continuous_model(scenario, sea=sea)
+    continuous = continuous_model(scenario, sea=sea, drive=drive)
     n = len(continuous.A)
+    of_drive = 1 if drive and scenario.winch.is_second_order else 0
     waves = sea_filter(scenario) if sea else None
     if sea and waves is None:
         raise ValueError(
@@ -369,17 +397,21 @@ def linear_model(
         "payload_heave_rate",
         "winch_displacement",
         *(f"pending_command_{i + 1}" for i in range(n_pending)),
-        *(f"filter_state_{i}" for i in range(n - 3)),
+        *(f"filter_state_{i}" for i in range(n - 3 - of_drive)),
+        *(("winch_rate",) if of_drive else ()),
     )
     sizes = np.concatenate([np.ones(3 + n_pending), continuous.thesis_sizes[3:]])
     start = np.zeros_like(A)
     if waves is not None:
         still = np.zeros((len(A), waves.n_states))
-        still[-waves.n_states :] = np.eye(waves.n_states)
+        first = 3 + n_pending
+        still[first : first + waves.n_states] = np.eye(waves.n_states)
         if scenario.start == "compensated":
             # The winch is where the boom tip is not, and the commands under way have kept it moving there.
             still[2] = -waves.C[0]
             still[3 : 3 + n_pending] = -(waves.C[0] + waves.C[1] * scenario.winch.lag)
+            if of_drive:
+                still[-1] = -waves.C[1]
         else:
             # Hanging still: the payload stands where the boom tip is.
             still[0] = waves.C[0]
