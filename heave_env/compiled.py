@@ -21,7 +21,6 @@ _STAGE_FILES = (
     "hydrodynamics.py",
     "cable/constitutive.py",
     "cable/axial.py",
-    "cable/statics.py",
     "winch.py",
     "compensator.py",
     "kernel.py",

@@ -196,10 +196,10 @@ class Plant:
         sensors, lags = scenario.observed_sensors, scenario.observed_lags
         ages = [round(sensor.delay / scenario.control_dt) for sensor in sensors]
         n_filter = scenario.n_filter_states
-        kind = _SEA_KINDS[scenario.sea_state.kind]
+        kind, sea = _SEA_KINDS[scenario.sea_state.kind], sea_table(scenario)
         cfg[k.SEA_KIND] = kind
         cfg[k.N_FILTER] = n_filter
-        cfg[k.N_COMPONENTS] = len(sea_table(scenario)) // 3 if kind == k.SINUSOIDS else 0
+        cfg[k.N_COMPONENTS] = len(sea) // 3 if kind == k.SINUSOIDS else 0
         cfg[k.IS_LINEAR] = scenario.is_linear
         cfg[k.N_ELEMENTS] = scenario.n_elements
         cfg[k.N_SUBSTEPS] = scenario.n_substeps
@@ -236,7 +236,7 @@ class Plant:
             (k.ROW_COMPONENTS, 2 * int(cfg[k.N_COMPONENTS])),
             (k.ROW_COMMANDS, scenario.n_shown_pending + 1),
             (k.ROW_SENSORS, int(cfg[k.SENSOR_RING]) * len(sensors)),
-            (k.ROW_SEA, len(sea_table(scenario)) if cfg[k.SEA_VARIES] else 0),
+            (k.ROW_SEA, len(sea) if cfg[k.SEA_VARIES] else 0),
             (k.ROW_SENSOR_TABLE, 3 * len(sensors) if cfg[k.SENSORS_VARY] else 0),
             (k.ROW_DRAWS, len(scenario.uncertainty)),
             (k.ROW_SENSOR_STATE, 5 * len(sensors) if cfg[k.SENSORS_ERR] else 0),
@@ -255,7 +255,7 @@ class Plant:
 
         place(k.AT_HERMITE, cubic_coefficients(scenario.n_substeps, scenario.control_dt))
         if n_filter or kind == k.SINUSOIDS:
-            place(k.AT_FILTER if n_filter else k.AT_COMPONENTS, sea_table(scenario))
+            place(k.AT_FILTER if n_filter else k.AT_COMPONENTS, sea)
         place(k.AT_SENSORS, sensor_table(scenario, scenario))
         place(k.AT_SENSOR_ERRORS, [sensor_errors(sensor, scenario.control_dt) for sensor in sensors])
         if kind == k.RECORDED:

@@ -46,6 +46,7 @@ from heave_env.sensors import (
     CHANNELS,
     COMPENSATOR_CHANNELS,
     INFORMATION_SETS,
+    SENSOR_ERRORS,
     Sensor,
 )
 from heave_env.spectra import modal_omega
@@ -72,11 +73,7 @@ NOT_DRAWN = (
     "delay",
     "scale",
     "offset",
-    "scale_error",
-    "bias",
-    "interval",
-    "dropout",
-    "high_pass_omega",
+    *SENSOR_ERRORS,
 )
 """Numbers of theirs that may not: they say how much there is, or what actions and observations mean."""
 DEFAULT_HISTORY_LAGS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
@@ -534,7 +531,7 @@ class Scenario:
                     place.pop(key)
         plain = {item.name: item.default for item in dataclasses.fields(Sensor)}
         for sensor in content["sensors"]:
-            for key in ("scale_error", "bias", "interval", "dropout", "high_pass_omega"):
+            for key in SENSOR_ERRORS:
                 if sensor[key] == plain[key]:
                     sensor.pop(key)
         canonical = json.dumps(content, sort_keys=True)

@@ -35,6 +35,9 @@ COMPENSATOR_CHANNELS = ("compensator_displacement", "compensator_rate")
 
 INFORMATION_SETS = ("full_state", "sensors", "sensors_history")
 
+SENSOR_ERRORS = ("scale_error", "bias", "interval", "dropout", "high_pass_omega")
+"""Fields of a sensor that make it worse than noise and delay do; zero or null, they are off."""
+
 
 @dataclass(frozen=True, kw_only=True)
 class Sensor:
@@ -86,8 +89,7 @@ class Sensor:
     @property
     def is_plain(self) -> bool:
         """Whether noise, scale and delay are all that stands between truth and reading."""
-        errors = (self.scale_error, self.bias, self.dropout)
-        return errors == (0.0, 0.0, 0.0) and self.interval is None and self.high_pass_omega is None
+        return not any(getattr(self, name) for name in SENSOR_ERRORS)
 
     def sample_std(self, control_dt: float) -> float:
         """Standard deviation of one sample's noise [unit of the channel]."""

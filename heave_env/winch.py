@@ -46,6 +46,20 @@ def free_winch_step(S, command_row, n_lanes):
 
 
 @stage
+def _end_of_step(S, lane, new, start_rate, end_rate, saturated):
+    """Leaves the drum where it came to, stopped dead at the end of its stroke, and the rates at both ends."""
+    real = S.dtype.type
+    stroke = S[STROKE_LIMIT, lane]
+    stopped = abs(new) > stroke
+    S[WINCH_OLD, lane] = S[WINCH_DISPLACEMENT, lane]
+    S[WINCH_RATE_START, lane] = start_rate
+    S[WINCH_DISPLACEMENT, lane] = max(min(new, stroke), -stroke)
+    S[WINCH_RATE, lane] = real(0.0) if stopped else end_rate
+    if saturated or stopped:
+        S[SATURATED, lane] = real(1.0)
+
+
+@stage
 def limited_winch_step(S, command_row, n_lanes, dt, accelerates_at_once):
     """The lag within its limits; absent limits are infinite.
 
@@ -57,7 +71,7 @@ def limited_winch_step(S, command_row, n_lanes, dt, accelerates_at_once):
     zero, one, half = real(0.0), real(1.0), real(0.5)
     for lane in range(n_lanes):
         K, u, u0 = S[WINCH_RATE_CONSTANT, lane], S[WINCH_DISPLACEMENT, lane], S[command_row, lane]
-        fastest, stroke = S[SPEED_LIMIT, lane], S[STROKE_LIMIT, lane]
+        fastest = S[SPEED_LIMIT, lane]
         decay = S[WINCH_DECAY, lane]
         wanted = K * (u0 - u)
         saturated = abs(wanted) > fastest
@@ -84,14 +98,7 @@ def limited_winch_step(S, command_row, n_lanes, dt, accelerates_at_once):
             saturated = saturated or abs(change) > most
             end_rate = start_rate + max(min(change, most), -most)
             new = u + half * real(dt) * (start_rate + end_rate)
-        stopped = abs(new) > stroke
-        new = max(min(new, stroke), -stroke)
-        S[WINCH_OLD, lane] = u
-        S[WINCH_RATE_START, lane] = start_rate
-        S[WINCH_DISPLACEMENT, lane] = new
-        S[WINCH_RATE, lane] = zero if stopped else end_rate
-        if saturated or stopped:
-            S[SATURATED, lane] = one
+        _end_of_step(S, lane, new, start_rate, end_rate, saturated)
 
 
 @stage
@@ -108,7 +115,7 @@ def driven_winch_step(S, command_row, n_lanes, dt, is_second_order, accelerates_
     per_dt = one / real(dt)
     for lane in range(n_lanes):
         u, u0 = S[WINCH_DISPLACEMENT, lane], S[command_row, lane]
-        quantum, fastest, stroke = S[COMMAND_STEP, lane], S[SPEED_LIMIT, lane], S[STROKE_LIMIT, lane]
+        quantum, fastest = S[COMMAND_STEP, lane], S[SPEED_LIMIT, lane]
         if quantum > zero:
             u0 = quantum * real(np.floor(u0 / quantum + half))
         if abs(u0 - u) <= S[DEAD_BAND, lane]:
@@ -139,11 +146,4 @@ def driven_winch_step(S, command_row, n_lanes, dt, is_second_order, accelerates_
         bitten = abs(end_rate - wanted) > tiny * (one + abs(wanted))
         lagging = not (is_second_order or accelerates_at_once)
         new = u + half * real(dt) * (start_rate + end_rate) if bitten or lagging else free
-        stopped = abs(new) > stroke
-        new = max(min(new, stroke), -stroke)
-        S[WINCH_OLD, lane] = u
-        S[WINCH_RATE_START, lane] = start_rate
-        S[WINCH_DISPLACEMENT, lane] = new
-        S[WINCH_RATE, lane] = zero if stopped else end_rate
-        if bitten or stopped:
-            S[SATURATED, lane] = one
+        _end_of_step(S, lane, new, start_rate, end_rate, bitten)

@@ -10,6 +10,8 @@ from typing import Any
 
 import numpy as np
 
+from experiments.cases.lumped_mass import thesis_cable, thesis_payload
+from experiments.cases.sagged_span import moustafa_cable
 from experiments.figures import COLOURS
 from experiments.validation.checks import Check, Finding, Picture, absolute, at_most, relative, validation
 from heave_env.cable.lumped_mass import LineRecord, LumpedMassSolver
@@ -17,23 +19,12 @@ from heave_env.cable.planar import PlanarRecord, PlanarSolver
 from heave_env.cable.sagged_span import SaggedSpanSolver
 from heave_env.cable.statics import FixedEnds, StaticsSolver, Towed
 from heave_env.cable.waves import WavesSolver
-from heave_env.parameters import Attachment, Cable, Current, Line, Payload, Section
+from heave_env.parameters import Attachment, Current, Line, Payload, Section
 
 Array = np.ndarray
 
-UMBILICAL = Cable(
-    mass_per_length=5.4,
-    axial_stiffness=9e9 * 0.25 * math.pi * 0.047**2,
-    submerged_weight=35.5,
-    diameter=0.047,
-    tangential_drag_coefficient=0.01,
-    normal_drag_coefficient=1.2,
-)
-"""The cable of Huang (1992), 5.7.1; its weight in water is that of its mass less the water it displaces."""
-UNIT = Payload(
-    mass=3000.0, added_mass=3000.0, submerged_weight=25_860.0, drag_area=0.75, lateral_drag_area=0.75
-)
-"""The unit of Huang (1992), 5.7.1: 3000 + 3000 kg, 0.354 m³, C_d 1.5 on 0.5 m²."""
+UMBILICAL, UNIT = thesis_cable(), thesis_payload()
+"""Cable and unit of Huang (1992), 5.7."""
 LENGTH = 300.0
 STREAM = Current(depth=(0.0, 150.0, 300.0), speed=(0.8, 0.5, 0.2), direction=(0.0, 0.0, 0.0))
 """A stream that weakens with depth."""
@@ -274,15 +265,7 @@ def sagged_span_and_lumped_mass() -> Iterator[Finding]:
     """Moustafa's span, one end shaken along it by 5 cm at 0.3 Hz and 7.5 cm at 0.9 Hz, taut, and by 10 cm at
     1.2 Hz, through slack and snap: the sagged-span and the lumped-mass solver. Tension extremes within 0.5 %
     while taut; a snap has the grid's own waves in it, so 1 % there."""
-    cable = Cable(
-        mass_per_length=0.61,
-        axial_stiffness=1e11 * 0.25 * math.pi * 0.01**2,
-        submerged_weight=5.19,
-        diameter=0.01,
-        tangential_drag_coefficient=0.01,
-        axial_damping=0.005 * 1e11 * 0.25 * math.pi * 0.01**2,
-        tension_only=True,
-    )
+    cable = moustafa_cable()
     for amplitude, frequency, tolerance in ((0.05, 0.3, 0.005), (0.075, 0.9, 0.005), (0.1, 1.2, 0.01)):
         omega = 2.0 * math.pi * frequency
         dt = 1.0 / (800.0 * frequency)
