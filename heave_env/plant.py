@@ -211,7 +211,9 @@ class Plant:
         cfg[k.SECOND_ORDER_WINCH] = winch.is_second_order
         cfg[k.ACCELERATION_LIMITED] = winch.acceleration_limit is not None or winch.torque_limit is not None
         cfg[k.DELAY_SUBSTEPS] = scenario.delay_substeps
-        cfg[k.N_PENDING] = scenario.n_shown_pending
+        n_held = max(scenario.n_held_pending, scenario.n_shown_pending)
+        cfg[k.N_PENDING] = n_held
+        cfg[k.N_SHOWN_PENDING] = scenario.n_shown_pending
         cfg[k.SEA_VARIES] = bool(scenario.varies & {"sea_state", "vessel"}) and kind in (
             k.FILTERED,
             k.SINUSOIDS,
@@ -219,6 +221,7 @@ class Plant:
         cfg[k.SENSORS_VARY] = "sensors" in scenario.varies
         cfg[k.DELAY_VARIES] = any(draw.parameter == "winch.command_delay" for draw in scenario.uncertainty)
         cfg[k.HOOKEAN] = scenario.is_hookean
+        cfg[k.CHARGES_ENERGY] = scenario.task.energy_weight > 0.0
         cfg[k.HAS_COMPENSATOR] = scenario.compensator is not None
         cfg[k.SENSORS_ERR] = not all(sensor.is_plain for sensor in sensors)
         cfg[k.N_DRAWS] = len(scenario.uncertainty)
@@ -234,7 +237,7 @@ class Plant:
         for key, count in (
             (k.ROW_FILTER, 2 * n_filter + 4 * -(-n_filter // 4)),
             (k.ROW_COMPONENTS, 2 * int(cfg[k.N_COMPONENTS])),
-            (k.ROW_COMMANDS, scenario.n_shown_pending + 1),
+            (k.ROW_COMMANDS, n_held + 1),
             (k.ROW_SENSORS, int(cfg[k.SENSOR_RING]) * len(sensors)),
             (k.ROW_SEA, len(sea) if cfg[k.SEA_VARIES] else 0),
             (k.ROW_SENSOR_TABLE, 3 * len(sensors) if cfg[k.SENSORS_VARY] else 0),
@@ -318,6 +321,8 @@ class Plant:
         S[:, rows.COMMAND_RANGE] = winch.command_range
         S[:, rows.POSITION_WEIGHT] = task.position_weight
         S[:, rows.COMMAND_WEIGHT] = task.command_weight
+        per_force = 1.0 if scenario.is_linear else scenario.static_tension
+        S[:, rows.ENERGY_WEIGHT] = task.energy_weight / (per_force * scenario.control_dt)
         S[:, rows.TENSION_LIMIT] = limit(task.tension_limit)
         S[:, rows.LANDING_DEPTH] = limit(task.landing_depth)
         S[:, rows.OWN_DELAY] = scenario.delay_substeps
@@ -382,8 +387,9 @@ class Plant:
         own = self._state[block : block + 1, :, lane : lane + 1]
         self._fill_parameters(own, self.scenario.with_drawn(dict(zip(paths, values, strict=True))))
         first = self._cfg[k.ROW_DRAWS]
+        known = self.scenario.design_basis.uncertainty
         own[0, first : first + len(draws), 0] = [
-            draw.scaled(value) for draw, value in zip(draws, values, strict=True)
+            draw.scaled(value) for draw, value in zip(known, values, strict=True)
         ]
         self.drawn[row] = values
 
@@ -510,4 +516,6 @@ def channel_names(scenario: Scenario) -> list[str]:
     lacking = set(_CABLE_CHANNELS if scenario.is_linear else ())
     if scenario.compensator is None:
         lacking |= set(COMPENSATOR_CHANNELS)
+    if scenario.task.energy_weight == 0.0:
+        lacking.add("energy_cost")
     return [name for name in rows.CHANNEL_NAMES if name not in lacking]
