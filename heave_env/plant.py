@@ -415,6 +415,19 @@ class Plant:
         row = rows.CHANNEL_NAMES.index(name)
         return self._state[:, row, :].ravel()[: self.n_envs].astype(np.float64)
 
+    def truth(self) -> Array:
+        """What no sensor shows, scaled to order one, for critics: (n_envs, n) float32, see `truth_names`."""
+        scenario, state = self.scenario, self._state
+        columns = []
+        for name in truth_names(scenario):
+            if name in rows.CHANNEL_NAMES:
+                scale, offset = scenario.channel_scale(name)
+                columns.append((state[:, rows.CHANNEL_NAMES.index(name)].ravel() - offset) / scale)
+        places = [int(self._cfg[k.ROW_FILTER]) + i for i in range(scenario.n_filter_states)]
+        places += [int(self._cfg[k.ROW_DRAWS]) + i for i in range(len(scenario.uncertainty))]
+        columns += [state[:, place].ravel() for place in places]
+        return np.stack(columns, axis=1)[: self.n_envs].astype(np.float32)
+
     def element_tensions(self, row: int) -> Array | None:
         """Tension of each element of one row's cable, sheave to payload [N]; None without a cable."""
         if self.scenario.is_linear:
@@ -509,6 +522,16 @@ _CABLE_CHANNELS = (
     "winch_power",
     "supply_power",
 )
+
+
+def truth_names(scenario: Scenario) -> list[str]:
+    """Entries of `Plant.truth`: motion of payload, boom tip, winch; tension; the sea's states; the draws."""
+    names = ["payload_heave", "payload_heave_rate", "boom_tip_heave", "boom_tip_heave_rate"]
+    names += ["winch_displacement", "winch_rate"]
+    if not scenario.is_linear:
+        names.append("sheave_tension")
+    names += [f"filter_state_{i}" for i in range(scenario.n_filter_states)]
+    return names + [draw.parameter for draw in scenario.uncertainty]
 
 
 def channel_names(scenario: Scenario) -> list[str]:
