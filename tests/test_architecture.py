@@ -28,7 +28,7 @@ LAYERS = (  # inside heave_env, from the bottom; a module imports none above its
     ("parameters", "document", "compiled", "layout", "lanes", "streams", "files", "provenance"),
     ("ropes", "spectra", "shaping", "rao", "sea", "vessel", "winch", "compensator", "hydrodynamics"),
     ("cable",),
-    ("sensors", "task"),
+    ("sensors", "task", "variants"),
     ("scenarios", "controller"),
     ("kernel",),
     ("plant",),
