@@ -17,6 +17,7 @@ from scipy.linalg import expm
 from heave_env import kernel as k
 from heave_env import layout as rows
 from heave_env.cable.axial import fill_parameters, n_cable_rows, node_rows
+from heave_env.compiled import announce_compilation
 from heave_env.parameters import LinearPayload, Winch
 from heave_env.scenarios import Scenario
 from heave_env.sea import read_motion, square_root
@@ -36,6 +37,9 @@ _SEA_KINDS = {
     "recorded": k.RECORDED,
 }
 DTYPES = ("float64", "float32")
+for _n_lanes, _kernel in k.KERNELS.items():
+    _of = "one environment" if _n_lanes == 1 else "a batch"
+    announce_compilation(_kernel, f"the plant's kernel for {_of} (about 15 s)")
 
 
 def cubic_coefficients(n_substeps: int, control_dt: float) -> Array:
