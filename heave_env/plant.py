@@ -17,6 +17,7 @@ from scipy.linalg import expm
 from heave_env import kernel as k
 from heave_env import layout as rows
 from heave_env.cable.axial import fill_parameters, n_cable_rows, node_rows
+from heave_env.compiled import announce_compilation
 from heave_env.parameters import LinearPayload, Winch
 from heave_env.scenarios import Scenario
 from heave_env.sea import read_motion, square_root
@@ -36,6 +37,9 @@ _SEA_KINDS = {
     "recorded": k.RECORDED,
 }
 DTYPES = ("float64", "float32")
+for _n_lanes, _kernel in k.KERNELS.items():
+    _of = "one environment" if _n_lanes == 1 else "a batch"
+    announce_compilation(_kernel, f"the plant's kernel for {_of} (about 15 s)")
 
 
 def cubic_coefficients(n_substeps: int, control_dt: float) -> Array:
@@ -182,6 +186,8 @@ class Plant:
         self.outcome = np.zeros(self.n_envs, dtype=np.int64)
         self.drawn = np.zeros((self.n_envs, len(scenario.uncertainty)))
         self.channels = np.zeros((self.n_envs if show_channels else 0, rows.N_CHANNELS))
+        shown = self._state[:, : rows.N_CHANNELS]
+        self._channel_rows = shown[0, :, 0] if self.n_lanes == 1 else shown
         self._position = 0
         self._buffers = (self._state, self._counters, self._cfg, self._tables, scenario.control_dt)
         self._shown = (self.observation, self.reward, self.outcome, self.channels)
@@ -409,6 +415,15 @@ class Plant:
     def steps(self) -> Array:
         """Control steps that each row has made in its episode, (n_envs,)."""
         return self._counters[:, k.STEP, :].ravel()[: self.n_envs].astype(np.int64)
+
+    def channel_block(self) -> Array:
+        """A copy of all channels at this instant, as they lie; `channel_rows` puts it in order."""
+        return self._channel_rows.copy()
+
+    def channel_rows(self, block: Array) -> Array:
+        """The channels in a copy made by `channel_block`, (n_channels, n_envs), float64."""
+        blocks = block.reshape(self.n_blocks, rows.N_CHANNELS, self.n_lanes)
+        return blocks.transpose(1, 0, 2).reshape(rows.N_CHANNELS, -1)[:, : self.n_envs].astype(np.float64)
 
     def channel(self, name: str) -> Array:
         """A copy of one physical channel, (n_envs,), whether or not channels are shown."""

@@ -149,8 +149,8 @@ class Scenario:
     uncertainty: tuple[Draw, ...] = ()
     """Numbers that each episode draws for its plant; controllers are designed from those above."""
     nominal: tuple[Nominal, ...] = ()
-    """Values that controllers and the observation's scales take for granted in place of those above, which are
-    the plant's; empty: they know the plant's."""
+    """Values that controllers and the observation's scales take for granted in place of those above, which
+    are the plant's; empty: they know the plant's."""
 
     def __post_init__(self) -> None:
         self._check_clock()
@@ -346,7 +346,7 @@ class Scenario:
 
     @cached_property
     def design_basis(self) -> Scenario:
-        """What controllers are designed for and observations scaled by: the scenario with its nominal values."""
+        """What controllers are designed for and observations scaled by: the nominal values put back."""
         if not self.nominal:
             return self
         plain = dataclasses.replace(self, nominal=())
