@@ -1,10 +1,10 @@
 """A designed controller beside an agent: its estimate is what the agent sees, its command what it corrects.
 
 A guide is a controller with a Kalman filter. At every control instant it looks at the measurement, which
-gives an estimate of the plant's state and the command that it would give itself; then it is told which command
-was really given, and carries its estimate on with that. In the mode `residual` the agent's action, a share
-`reach` of the command range, is added to the guide's command; in the mode `estimate` the agent's action is the
-command.
+gives an estimate of the plant's state and the command that it would give itself; then it is told which
+command was really given, and carries its estimate on with that. In the mode `residual` the agent's action, a
+share `reach` of the command range, is added to the guide's command; in the mode `estimate` the agent's action
+is the command.
 """
 
 from __future__ import annotations

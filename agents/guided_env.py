@@ -130,7 +130,7 @@ class PrivilegedVecEnv(VecEnvWrapper):
         self._truth = self.batch.plant.truth()
 
     def step_wait(self) -> VecEnvStepReturn:
-        """Steps. The truth of a row's last instant is gone with its plant: that of the step before stands in."""
+        """Steps. The truth of a row's last instant is gone with its plant: the step before's stands in."""
         before = self._truth
         observation, reward, done, infos = self.venv.step_wait()
         for row in np.flatnonzero(done):

@@ -91,7 +91,7 @@ class Architecture:
 
 
 class TrainedPolicy:
-    """A trained agent as a `Controller`: deterministic, in float32; its memory is that of its guide, if any."""
+    """A trained agent as a `Controller`: deterministic, in float32; its memory is its guide's, if any."""
 
     def __init__(
         self, architecture: Architecture, weights: Mapping[str, np.ndarray], card: Mapping[str, Any]

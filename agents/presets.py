@@ -21,7 +21,7 @@ from heave_env.sensors import INFORMATION_SETS
 ALGORITHMS = ("ppo", "sac", "td3")
 """Algorithms that have presets."""
 KINDS = ("residual", "estimate")
-"""Kinds of agent beside the one from sensors; their presets, as `ppo_residual.yaml`, go on the algorithm's."""
+"""Kinds of agent beside that from sensors; their presets, as `ppo_residual.yaml`, go on the algorithm's."""
 PRESET_FOLDER = Path(__file__).parent / "presets"
 """Where the presets lie, a YAML file per algorithm."""
 

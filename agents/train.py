@@ -230,8 +230,8 @@ def widened_groundwork(
     """The same where a guide's features or the truth stand behind the observation.
 
     Each entry is first brought to unit deviation, for estimated states come in all units. The actor's are
-    then turned into principal components; the truth, which the critic alone sees, is only scaled. Beside a guide
-    the start is the guide itself: a residual of nothing, or the linear fit of its command.
+    then turned into principal components; the truth, which the critic alone sees, is only scaled. Beside a
+    guide the start is the guide itself: a residual of nothing, or the linear fit of its command.
     """
     n_rows, n_steps = 128, min(scenario.n_steps, 1500)
     _, env = surroundings(scenario, n_rows, guide, privileged=settings.privileged_critic)
