@@ -7,9 +7,10 @@ with the boom tip's true motion as the plant's seed makes it:
     subject to  the payload's and the winch's equations of motion, and the limits of speed, acceleration,
                 stroke and command range.
 
-The drum's rate runs straight between control instants (without an acceleration limit, its lag is followed),
-as in the plan of `baselines.mpc`. Delay and sensors do not matter to who knows everything; the first moves,
-which in the plant belong to commands already given, lie in the warm-up.
+The drum's rate runs straight between control instants (without an acceleration limit, its lag is followed; a
+second-order drive exactly), as in the plan of `baselines.mpc`. Dead band and rounding are left out: who had
+to put up with them could only be dearer. Delay and sensors do not matter to who knows everything; the first
+moves, which in the plant belong to commands already given, lie in the warm-up.
 
 No controller that has to infer the sea can be cheaper on average; how far above it a controller stays is the
 price of not knowing. Solved by Clarabel, an interior-point method.
@@ -98,7 +99,7 @@ def _stage_costs(scenario: Scenario, start: Array, drive: Array) -> Array:
         rows.append(sparse.kron(eye, rate))
         shifts.append(np.zeros(n))
         limits.append(winch.speed_limit)
-    if winch.ramps:
+    if not winch.accelerates_at_once:
         rows.append(sparse.kron(eye, rate) - sparse.kron(before, rate))
         shifts.append(np.concatenate([[-start[3]], np.zeros(n - 1)]))
         limits.append(winch.acceleration_limit * winch.control_dt)

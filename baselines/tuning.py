@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from baselines.changing_length import changes_length
 from baselines.identification import CALM_SEA
 from baselines.linear_controller import LinearController
 from baselines.lqg import lqg
@@ -53,8 +54,10 @@ WEIGHTS_WITH_SPEED = (1.0, 10.0, 100.0)
 """Multiples of the command weight that are tried with each [-]."""
 PREDICTIVE_WEIGHTS = ((1.0, 0.3), (1.0, 0.1), (1.0, 1.0), (10.0, 0.3), (1.0, 0.0))
 """Multiples of the command weight [-] and of the position weight [s²] that are tried for `mpc`."""
+ESTIMATING = ("lqg", "gain_scheduled", "time_varying_lq")
+"""Designs with a filter, whose doubt of its model is tuned too, and a weight of the speed."""
 BANDWIDTHS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18)
-"""Shares of the rule's bandwidth that are tried for `pid` [-]."""
+"""Shares of the rule's bandwidth (or gain) that are tried for `pid` and `tension_activated` [-]."""
 WARM_UP = 100.0
 """Seconds that do not count [s]; a quarter of a shorter episode."""
 LONGEST = 250.0
@@ -134,10 +137,13 @@ def tuned_weights(
     if key not in _CACHE:
         if name in ("mpc", "mpc_l1"):
             _CACHE[key] = _predictive_weights(name, scenario)
+        elif name in ("gain_scheduled", "time_varying_lq") and not changes_length(scenario):
+            # Where the length stays, both are lqg.
+            _CACHE[key] = tuned_weights("lqg", lqg, scenario, {})
         elif name == "multi_model":
             # Each member is what lqg is where its parameters are known.
             _CACHE[key] = tuned_weights("lqg", lqg, scenario.with_drawn({}), {}) if _alone(scenario) else {}
-        elif name == "pid":
+        elif name in ("pid", "tension_activated"):
             _CACHE[key] = _bandwidth(designer, scenario, options)
         else:
             _CACHE[key] = _search(name, designer, scenario, options)
@@ -152,7 +158,7 @@ def _alone(scenario: Scenario) -> bool:
 def _search(name: str, designer: Designer, scenario: Scenario, options: dict[str, Any]) -> dict[str, float]:
     operation = tuning_scenario(scenario)
     q, r = scenario.task.position_weight, scenario.task.command_weight
-    estimates = name == "lqg"
+    estimates = name in ESTIMATING
     doubts = (
         MISMATCH_FACTORS if estimates and not scenario.is_linear and "mismatch" not in options else (1.0,)
     )

@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from numba import njit
+from numba import njit, types
 from numba.core import event
 
 # IEEE division and no reassociation: the same operations in the same order in every variant, so a row
@@ -56,7 +56,8 @@ class _Notices(event.Listener):
         # Workers of a vector environment would each say it.
         if name is None or multiprocessing.parent_process() is not None:
             return
-        precision = getattr(event.data["args"][0], "dtype", "any number")
+        first = event.data["args"][0]
+        precision = (first[0] if isinstance(first, types.BaseTuple) else first).dtype
         if (name, precision) not in self._said:
             self._said.add((name, precision))
             print(

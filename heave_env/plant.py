@@ -7,6 +7,7 @@ faces, `simulate` and the tests all stand on it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
@@ -19,6 +20,7 @@ from heave_env import layout as rows
 from heave_env.cable.axial import fill_parameters, n_cable_rows, node_rows
 from heave_env.compiled import announce_compilation
 from heave_env.parameters import LinearPayload, Winch
+from heave_env.rollouts import rollout
 from heave_env.scenarios import Scenario
 from heave_env.sea import read_motion, square_root
 from heave_env.sensors import COMPENSATOR_CHANNELS, HIGH_PASS_DAMPING, Sensor
@@ -409,6 +411,21 @@ class Plant:
                 share.result()
         self._position += 1
 
+    def over_blocks(self, march: Callable[..., None], asked: tuple[Any, ...], n_steps: int) -> None:
+        """Lets a compiled loop advance all blocks by `n_steps` control steps, shared among the threads.
+
+        It is called with the kernel's arguments before the position, the position, the kernel's arguments
+        after the actions, what is asked of it, and the first and last block of its share.
+        """
+        given = (self._buffers, self._position, self._shown, *asked)
+        if self._pool is None:
+            march(*given, 0, self.n_blocks)
+        else:
+            work = [self._pool.submit(march, *given, a, b) for a, b in self._shares]
+            for share in work:
+                share.result()
+        self._position += n_steps
+
     def _advance_blocks(self, actions: Array, first: int, last: int) -> None:
         self._advance(*self._buffers, self._position, actions, *self._shown, first, last)
 
@@ -510,19 +527,13 @@ def simulate(
     """
     n_steps = scenario.n_steps if duration is None else round(duration / scenario.control_dt)
     n_envs = len(seeds)
-    plant = Plant(scenario, n_envs, n_steps=n_steps)
+    plant = Plant(scenario, n_envs, n_steps=n_steps, show_channels=False)
     plant.begin(np.ones(n_envs, dtype=bool), np.asarray(seeds))
     actions = np.zeros((n_steps, n_envs))
     if commands is not None:
         commands = np.asarray(commands, dtype=float)
         actions[:] = (commands if commands.ndim == 2 else commands[:, None]) / scenario.winch.command_range
-    record = np.empty((n_steps + 1, n_envs, rows.N_CHANNELS))
-    record[0] = plant.channels
-    for step in range(n_steps):
-        plant.advance(actions[step])
-        record[step + 1] = plant.channels
-    names = channel_names(scenario)
-    result = {name: record[:, :, rows.CHANNEL_NAMES.index(name)].copy() for name in names}
+    result = dict(rollout(plant, actions, channels=channel_names(scenario)).channels)
     result["time"] = scenario.control_dt * np.arange(n_steps + 1, dtype=np.float64)
     return result
 

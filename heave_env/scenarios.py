@@ -24,6 +24,8 @@ import numpy as np
 
 from heave_env import document
 from heave_env.parameters import (
+    GRAVITY,
+    SEAWATER_DENSITY,
     Cable,
     Compensator,
     Draw,
@@ -49,6 +51,10 @@ from heave_env.sensors import (
     INFORMATION_SETS,
     SENSOR_ERRORS,
     Sensor,
+    acoustic_depth,
+    load_cell,
+    motion_reference_unit,
+    winch_encoder,
 )
 from heave_env.spectra import modal_omega
 from heave_env.task import Task
@@ -1207,4 +1213,178 @@ def landing() -> Scenario:
             Sensor(channel="sheave_tension", noise_std=500.0),
         ),
         task=Task(position_weight=1e4, command_weight=1.0, tension_limit=0.4 * 904e3, landing_depth=300.0),
+    )
+
+
+def _taut_only(parts: dict[str, Any]) -> dict[str, Any]:
+    """The thesis's cable as one that goes slack instead of carrying compression; damping as in `lowering`."""
+    cable = parts["cable"]
+    return {
+        **parts,
+        "cable": dataclasses.replace(cable, tension_only=True, axial_damping=0.005 * cable.axial_stiffness),
+        "n_iterations": 6,
+    }
+
+
+def _survey_sensors_in_a_rough_sea() -> tuple[Sensor, ...]:
+    # The noise of `limits_linear`, and the drum's encoder.
+    return (
+        *_payload_sensors(noise_std=0.01),
+        Sensor(channel="boom_tip_heave", noise_std=0.03),
+        Sensor(channel="boom_tip_heave_rate", noise_std=0.03),
+        Sensor(channel="winch_displacement", noise_std=0.001),
+    )
+
+
+@scenario("cable", "limits", "delay")
+def limits_cable() -> Scenario:
+    """The thesis's 900 m cable, which may go slack, in a rough sea (Hs 5 m) on the weak winch of
+    `limits_linear`: it gives 0.265 m/s and 0.25 m/s2, 0.2 s late.
+    """
+    rough = limits_linear()
+    return Scenario(
+        name="unnamed",
+        start="compensated",
+        # A metre less than there: what the limits leave moves the unit on this cable several times as far.
+        sea_state=dataclasses.replace(rough.sea_state, significant_wave_height=5.0),
+        vessel=_thesis_vessel(),
+        winch=rough.winch,
+        sensors=_survey_sensors_in_a_rough_sea(),
+        task=Task(position_weight=100.0, command_weight=0.1),
+        **_taut_only(_thesis_cable_and_payload()),
+    )
+
+
+def _unknown_cable(sea: SeaState) -> tuple[Draw, ...]:
+    """What nobody knows for sure: length and payload (30 % of a together), drag, winch, delay, sea, vessel."""
+    parts, vessel = _thesis_cable_and_payload(), _thesis_vessel()
+    return (
+        _spread("length", parts["length"], 0.15),
+        _spread("payload.mass", parts["payload"].mass, 0.15),
+        _spread("payload.drag_area", parts["payload"].drag_area, 0.5),
+        Draw(parameter="winch.time_constant", low=1.0 / 1.5, high=2.0, distribution="log_uniform"),
+        Draw(parameter="winch.command_delay", low=0.0, high=0.4),
+        _spread("sea_state.significant_wave_height", sea.significant_wave_height, 0.3),
+        _spread("sea_state.peak_omega", sea.peak_omega, 0.3),
+        _spread("vessel.natural_omega", vessel.natural_omega, 0.25),
+        Draw(parameter="vessel.damping_ratio", low=0.4, high=0.8),
+    )
+
+
+@scenario("cable", "delay", "unknown")
+def unknown_cable() -> Scenario:
+    """The thesis's 900 m cable in its sea state 5, where nobody knows for sure the length, the payload, its
+    drag, the winch, the delay, the sea or the vessel: each episode draws them.
+    """
+    return Scenario(
+        name="unnamed",
+        start="compensated",
+        sea_state=_thesis_sea(),
+        vessel=_thesis_vessel(),
+        winch=Winch(time_constant=1.0, command_range=4.0, command_delay=0.2),
+        sensors=_survey_sensors(),
+        task=Task(position_weight=1e4, command_weight=1.0),
+        uncertainty=_unknown_cable(_thesis_sea()),
+        **_taut_only(_thesis_cable_and_payload()),
+    )
+
+
+@scenario("cable", "limits", "delay", "unknown")
+def limits_unknown_cable() -> Scenario:
+    """The rough sea and the weak winch of `limits_cable`, with everything unknown that is in
+    `unknown_cable`.
+    """
+    known = limits_cable()
+    return dataclasses.replace(known, uncertainty=_unknown_cable(known.sea_state))
+
+
+@scenario("cable", "energy", "delay")
+def energy_cable() -> Scenario:
+    """The thesis's 900 m cable in its sea state 5, where the winch's work has a price, whatever its sign, as
+    in `energy_linear`. With 0.2 s of delay and noisy sensors.
+    """
+    priced = energy_linear()
+    return dataclasses.replace(
+        sea_state_5(),
+        sensors=(
+            *_payload_sensors(noise_std=0.01),
+            Sensor(channel="boom_tip_heave", noise_std=0.02),
+            Sensor(channel="boom_tip_heave_rate", noise_std=0.02),
+            Sensor(channel="winch_displacement", noise_std=0.001),
+        ),
+        task=priced.task,
+    )
+
+
+@scenario("cable", "pay_out", "resonance", "slack", "delay")
+def recovery() -> Scenario:
+    """The thesis's unit of 3.3.5 hauled up from 1350 m at 1 m/s while the winch compensates: after 200 s, at
+    1180 m, its natural frequency rises through the peak of the boom tip's motion. Sea and vessel are ours.
+    """
+    return dataclasses.replace(
+        lowering(),
+        sea_state=SeaState(
+            significant_wave_height=2.0, peak_omega=2.0 * math.pi / 6.5, filter="fitted", filter_order=8
+        ),
+        # A small vessel that follows all but the shortest of these waves.
+        vessel=Vessel(natural_omega=1.0, damping_ratio=0.5, gain=0.6),
+        winch=Winch(time_constant=0.5, command_range=3.0, command_delay=0.2),
+        length=1350.0,
+        # Longer than an episode: the drag's steady pull lasts to its end.
+        pay_out=PayOut(speed=-1.0, start=30.0, distance=500.0, ramp=10.0),
+    )
+
+
+@scenario("cable", "umbilical", "delay", "slack")
+def rov_umbilical() -> Scenario:
+    """A vehicle's garage held still at 300 m by its umbilical (section, mass, drag and unit of H 5.7) under a
+    construction vessel, seen by a motion reference unit, acoustics, encoder and load cell.
+    """
+    stiffness = 9e9 * circular_section(0.047)
+    return Scenario(
+        name="unnamed",
+        start="compensated",
+        n_iterations=6,
+        sea_state=SeaState(
+            significant_wave_height=2.5,
+            peak_omega=2.0 * math.pi / 8.0,
+            spectrum="jonswap",
+            filter="fitted",
+            filter_order=8,
+        ),
+        # Waves 30° off the bow; A-frame over the side, a quarter of the length abaft.
+        vessel_table=VesselTable(heading=math.radians(150.0), boom_tip_x=-25.0, boom_tip_y=12.0),
+        winch=Winch(
+            time_constant=0.3,
+            command_range=4.0,
+            command_delay=0.2,
+            speed_limit=2.0,
+            acceleration_limit=2.0,
+        ),
+        length=300.0,
+        cable=Cable(
+            mass_per_length=5.4,
+            axial_stiffness=stiffness,
+            # Of the printed mass and section; the weight itself is not printed.
+            submerged_weight=(5.4 - SEAWATER_DENSITY * circular_section(0.047)) * GRAVITY,
+            diameter=0.047,
+            normal_drag_coefficient=1.2,
+            tangential_drag_coefficient=0.01,
+            axial_damping=0.005 * stiffness,
+            tension_only=True,
+        ),
+        payload=Payload(
+            mass=3000.0,
+            added_mass=3000.0,
+            # 0.354 m3 displaced; C_d 1.5 on 0.5 m2.
+            submerged_weight=(3000.0 - SEAWATER_DENSITY * 0.354) * GRAVITY,
+            drag_area=1.5 * 0.5,
+        ),
+        sensors=(
+            *motion_reference_unit(),
+            acoustic_depth(),
+            winch_encoder(),
+            load_cell(100e3),
+        ),
+        task=Task(position_weight=1e3, command_weight=1.0),
     )

@@ -38,6 +38,7 @@ import numpy as np
 from numba import njit
 
 from heave_env.cable.constitutive import (
+    branch_after,
     rope_energy_coefficients,
     rope_tension,
     static_strain,
@@ -188,24 +189,26 @@ def _rope_pass(S, at, n_elements, n_lanes, dt, tension_only, first):
 
 @seldom
 def _relax(S, at, n_elements, n_lanes, tension_only):
-    """Moves what the Maxwell branches hold on to the end of the step, before the nodes move.
-
-    A branch that cannot push lets go of what would be compression.
-    """
+    """Moves what the Maxwell branches hold on to the end of the step, before the nodes move."""
     real = S.dtype.type
-    zero, half, two = real(0.0), real(0.5), real(2.0)
+    zero, half, one = real(0.0), real(0.5), real(1.0)
     for j in range(n_elements):
         here, held = at[j], at[n_elements + 1 + j]
         for lane in range(n_lanes):
             old, new, _ = _rope_strains(S, here, lane, False)
-            if tension_only:
-                old, new = max(old, zero), max(new, zero)
-            before = row(S, held)[lane]
-            middle = row(S, RELAXING_SHARE)[lane] * (before + half * (new - old))
-            if tension_only:
-                middle = max(middle, zero)
-            after = two * middle - before
-            row(S, held)[lane] = max(after, zero) if tension_only else after
+            before, EA1 = row(S, held)[lane], row(S, RELAXING_STIFFNESS)[lane]
+            EA, quadratic, cubic = (
+                row(S, CABLE_STIFFNESS)[lane],
+                row(S, CABLE_QUADRATIC)[lane],
+                row(S, CABLE_CUBIC)[lane],
+            )
+            share = row(S, RELAXING_SHARE)[lane]
+            _, _, middle = rope_tension(
+                old, new, before, EA, quadratic, cubic, EA1, share, zero, zero, tension_only, zero, half, one
+            )
+            row(S, held)[lane] = branch_after(
+                old, new, before, middle, EA, quadratic, cubic, EA1, share, tension_only, zero, half
+            )
 
 
 @stage

@@ -13,8 +13,9 @@ a being the strain of a Maxwell branch's spring. It stores EA (e²/2 + k2 e³/3 
 part being a polynomial, its change over the change of strain is one too, without cancellation: with x the
 strain before and y after, EA ((x + y)/2 + k2 (x² + xy + y²)/3 + k3 (x + y)(x² + y²)/4). The branch is stepped
 by the midpoint rule, whose loss over a step is EA1 a²/τ at mid-step and never negative. In a tension-only
-rope each of the three acts on the taut part of the strain and none pushes: what the branch would hold in
-compression it lets go.
+rope each of the three acts on the taut part of the strain, and spring and branch together never push: what
+the branch would push beyond the spring's pull it lets go of, which is a loss too. So a rope about a mean
+tension answers both ways, and one that has crept is slack before it is back at its old length.
 
 Source: Huang (1992), (3.1) and 3.4 (T = T(e, De/Dt)), with Kelvin damping; discrete gradient after Gonzalez
 (1996); standard linear solid after Zener (1948).
@@ -88,14 +89,17 @@ def rope_tension(
     change = new - old if crosses else one
     part = (y - x) / change if crosses else one
     pulls = one if (new > zero or not tension_only) else zero
+    turns = (pulls - part) / change if crosses else zero
+    taut = part if crosses else pulls
     mean = half * (x + y) + quadratic * (x * x + x * y + y * y) + cubic * (x + y) * (x * x + y * y)
     by_new = half + quadratic * (x + y + y) + cubic * (x * x + y * y + (x + y) * (y + y))
-    slope = by_new * pulls * part + (mean * (pulls - part) / change if crosses else zero)
+    slope = by_new * pulls * part + mean * turns
     middle = share * (held + half * (y - x))
-    holds = middle > zero or not tension_only
-    middle = middle if holds else zero
-    tension = EA * mean * part + CA * per_dt * (y - x) + EA1 * middle
-    stiffness = EA * slope + pulls * (CA * per_dt + (half * EA1 * share if holds else zero))
+    tension = EA * mean * part + CA * per_dt * (y - x) + EA1 * middle * taut
+    stiffness = EA * slope + pulls * (CA * per_dt + half * EA1 * share * taut) + EA1 * middle * turns
+    if tension_only and EA * mean + EA1 * middle < zero:
+        middle = -EA * mean / EA1
+        tension, stiffness = CA * per_dt * (y - x), pulls * CA * per_dt
     if tension_only:
         stiffness = stiffness if tension > zero else zero
         tension = max(tension, zero)
@@ -113,6 +117,23 @@ def relaxed_tension(strain, EA, quadratic, cubic):
     k2, k3 = 3.0 * quadratic, 4.0 * cubic
     tension = EA * strain * (1.0 + strain * (k2 + strain * k3))
     return tension, EA * (1.0 + strain * (2.0 * k2 + 3.0 * strain * k3))
+
+
+@stage
+def branch_after(old, new, held, middle, EA, quadratic, cubic, EA1, share, tension_only, zero, half):
+    """Strain of the Maxwell branch after a step from strain `old` to `new`, from that before and at mid-step.
+
+    Of a tension-only rope it pushes no more than the spring pulls; where it let go at mid-step, it pushes
+    just so much. Either way its energy is at most what the midpoint rule would leave.
+    """
+    after = middle + (middle - held)
+    if tension_only:
+        x, y = max(old, zero), max(new, zero)
+        spring, _ = relaxed_tension(y, EA, quadratic, cubic)
+        bears = spring / EA1 if zero < EA1 else zero
+        lets_go = middle > share * (held + half * (y - x))
+        after = -min(bears, abs(after)) if lets_go else max(after, -bears)
+    return after
 
 
 @stage

@@ -15,7 +15,7 @@ the nodes and reads the tensions off. Nothing is kept in local arrays but the wa
 # Annotations of kernels are types made here, not names: no `from __future__ import annotations`.
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -223,6 +223,9 @@ def kernels(form: Form) -> SimpleNamespace:
     real = getattr(wp, form.dtype)
     kinds = structures(form.dtype, form.sea)
     Buffers, Numbers = kinds.Buffers, kinds.Numbers
+    # One module for both kernels: reading the compiler's headers is a good part of its work.
+    spelled = "_".join(str(value) for value in astuple(form))
+    module = wp.get_module(f"heave_env_{spelled}")
     double, whole, word, long_word = wp.float64, wp.int32, wp.uint32, wp.uint64
 
     IS_FILTERED, IS_SUM = form.sea == FILTERED, form.sea == SINUSOIDS
@@ -855,7 +858,7 @@ def kernels(form: Form) -> SimpleNamespace:
 
     # The two faces -------------------------------------------------------------------------------
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module=module, enable_backward=False)
     def advance(b: Buffers, c: Numbers, actions: wp.array(dtype=wp.float32)):
         """Advances a row by one control step; rows that finish leave their last observation behind."""
         e = wp.tid()
@@ -1036,7 +1039,7 @@ def kernels(form: Form) -> SimpleNamespace:
                 for channel in range(N_CHANNELS):
                     b.final_channels[channel, e] = b.channels[channel, e]
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module=module, enable_backward=False)
     def begin(b: Buffers, c: Numbers, mask: wp.array(dtype=wp.bool), episodes: int):
         """Begins an episode in a masked row: `episodes` further on (0: the one in its counters)."""
         e = wp.tid()

@@ -74,9 +74,9 @@ def states_on_the_way(controller, scenario, n_steps=200):
     found = []
 
     class Spy(type(controller)):
-        def planned(self, state):
+        def planned(self, state, capability=None):
             found.append(state)
-            return super().planned(state)
+            return super().planned(state, capability)
 
     spy = Spy(**{name: getattr(controller, name) for name in controller.__dataclass_fields__})
     trajectory(replace(scenario, duration=n_steps * scenario.control_dt), spy, 4)
@@ -120,9 +120,9 @@ def test_the_limited_winch_does_what_the_plan_says():
     planned = []
 
     class Spy(type(controller)):
-        def planned(self, state):
-            planned.append(super().planned(state)[:, 0])
-            return super().planned(state)
+        def planned(self, state, capability=None):
+            planned.append(super().planned(state, capability)[:, 0])
+            return super().planned(state, capability)
 
     spy = Spy(**{name: getattr(controller, name) for name in controller.__dataclass_fields__})
     record = trajectory(with_(LIMITS, duration=60.0), spy, 4).states["winch_rate"]
