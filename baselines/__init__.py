@@ -12,7 +12,7 @@ from baselines.linear_controller import LinearController
 from baselines.lqg import lqg
 from baselines.lqr import lqr
 from baselines.mpc import mpc, mpc_l1
-from baselines.multi_model import multi_model
+from baselines.multi_model import multi_model, multi_model_mpc
 from baselines.peaks import feedforward_peaks
 from baselines.pid import pid
 from baselines.tension_activated import tension_activated
@@ -37,6 +37,7 @@ __all__ = [
     "mpc",
     "mpc_l1",
     "multi_model",
+    "multi_model_mpc",
     "pid",
     "tension_activated",
     "time_varying_lq",
@@ -56,6 +57,7 @@ DESIGNERS: dict[str, Callable[..., LinearController]] = {
     "mpc": mpc,
     "mpc_l1": mpc_l1,
     "multi_model": multi_model,
+    "multi_model_mpc": multi_model_mpc,
 }
 """Functions that design a controller for a scenario, by the controller's name."""
 TUNED = (
@@ -69,6 +71,7 @@ TUNED = (
     "mpc",
     "mpc_l1",
     "multi_model",
+    "multi_model_mpc",
 )
 """Designs with weights (or a bandwidth) that are tuned where the plant is more than the linear model."""
 CONTROLLERS = ("none", *DESIGNERS)

@@ -143,6 +143,8 @@ def tuned_weights(
         elif name == "multi_model":
             # Each member is what lqg is where its parameters are known.
             _CACHE[key] = tuned_weights("lqg", lqg, scenario.with_drawn({}), {}) if _alone(scenario) else {}
+        elif name == "multi_model_mpc":
+            _CACHE[key] = tuned_weights("mpc", mpc, scenario.with_drawn({}), {}) if _alone(scenario) else {}
         elif name in ("pid", "tension_activated"):
             _CACHE[key] = _bandwidth(designer, scenario, options)
         else:
