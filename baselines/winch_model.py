@@ -9,9 +9,9 @@ tension is what the controller believes it to be: measured, or that of the cable
 A designed controller knows its commands, so it knows where the drum is even while a limit bites, which a
 linear model does not. And it can ask the other question: which command makes the drum do what is wanted of it
 over a control step. Inverting the lag alone, u0 = u + u'/K, wastes a tenth of the acceleration and more, for
-a held command lets the drum slow down between two solver steps. Dead band and rounding can be inverted up
-to a point (`shaped`): a drum that rests while |u0 - u| is no larger than its dead band is sent that much
-farther, and of the round commands the one is given whose end is nearest.
+a held command lets the drum slow down between two solver steps. Dead band and rounding can be inverted up to
+a point (`shaped`): a drum that rests while |u0 - u| is no larger than its dead band is sent farther, so that
+it comes to rest where it is wanted, and of the round commands the one is given whose end is nearest.
 
 The equations are those of the plant's winch, solver step by solver step, so that both stay together to
 rounding. Source: Huang (1992), (6.1), (6.12) and 6.5.
@@ -33,6 +33,9 @@ from heave_env.sea import Array
 
 N_CORRECTIONS = 3
 """Rounds in which a command is found for a wanted rate [-]; each wins a factor K dt, forty or so."""
+
+LEAST_MOVE = 1.001
+"""Dead bands that a command is sent away from the drum to move it at all [-]."""
 
 
 @dataclass(frozen=True)
@@ -303,8 +306,13 @@ class WinchModel:
         band, quantum = self.parameters.dead_band, self.parameters.command_step
         tried = [command]
         if band > 0.0:
-            # Beside it: to where the dead band begins beyond the wanted end, and to where the drum rests.
-            tried += [wanted + np.sign(wanted - u) * band, u]
+            # Beside it: to rest; the least that moves it, with a margin for single precision; to where the
+            # dead band begins beyond the wanted end; and what takes a lag there in so many solver steps, so
+            # that it then rests.
+            way = wanted - u
+            tried += [u, u + np.sign(way) * LEAST_MOVE * band, wanted + np.sign(way) * band]
+            if not self.parameters.is_second_order:
+                tried += [u + way / (1.0 - self.decay**n) for n in range(1, self.n_substeps)]
         if quantum > 0.0:
             tried = [quantum * whole(one / quantum) for one in tried for whole in (np.floor, np.ceil)]
             within = quantum * math.floor(self.command_range / quantum)
