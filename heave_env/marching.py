@@ -117,15 +117,19 @@ def _make(single: bool, fingerprint: int):
 
     @njit(cache=True, nogil=True, error_model="numpy")
     def march(
-        buffers, position, shown, n_steps, n_settling, given, widths, parameters, cable, columns, record,
-        totals, first_block, last_block,
+        state, observation, reward, outcome, before, position, after, n_steps, n_settling, given, widths,
+        parameters, cable, columns, record, totals, first_block, last_block,
     ):  # fmt: skip
         """Advances the rows of the blocks by many control steps.
 
         Args:
-            buffers: The kernel's arguments before the position.
+            state: The plant's state, (n_blocks, n_rows, n_lanes).
+            observation: What the kernel fills, (n_envs, n_observed).
+            reward: What the kernel fills, (n_envs,).
+            outcome: What the kernel fills, (n_envs,).
+            before: The kernel's arguments before the position.
             position: Control steps that the batch has made.
-            shown: The kernel's arguments after the actions, up to the blocks.
+            after: The kernel's arguments between the actions and the blocks.
             n_steps: Control steps to make.
             n_settling: How many of them count for nothing but a failure.
             given: Fractions of the command range, (n_steps, n_envs); no rows under a policy.
@@ -140,7 +144,6 @@ def _make(single: bool, fingerprint: int):
         """
         if fingerprint == 0:
             return
-        state, observation, reward, outcome = buffers[0], shown[0], shown[1], shown[2]
         n_envs, n_observed = observation.shape
         n_lanes = state.shape[2]
         acts = len(given) == 0
@@ -165,9 +168,9 @@ def _make(single: bool, fingerprint: int):
                     for lane in range(n_rows):
                         actions[first_row + lane] = given[step, first_row + lane]
                 if single:
-                    _single_advance(*buffers, position + step, actions, *shown, block, block + 1)
+                    _single_advance(*before, position + step, actions, *after, block, block + 1)
                 else:
-                    _batch_advance(*buffers, position + step, actions, *shown, block, block + 1)
+                    _batch_advance(*before, position + step, actions, *after, block, block + 1)
                 for c in range(len(columns)):
                     for lane in range(n_rows):
                         record[c, step + 1, first_row + lane] = state[block, columns[c], lane]

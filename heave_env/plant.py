@@ -414,10 +414,10 @@ class Plant:
     def over_blocks(self, march: Callable[..., None], asked: tuple[Any, ...], n_steps: int) -> None:
         """Lets a compiled loop advance all blocks by `n_steps` control steps, shared among the threads.
 
-        It is called with the kernel's arguments before the position, the position, the kernel's arguments
-        after the actions, what is asked of it, and the first and last block of its share.
+        See `marching` for the arguments that it is called with.
         """
-        given = (self._buffers, self._position, self._shown, *asked)
+        filled = (self._state, self.observation, self.reward, self.outcome)
+        given = (*filled, self._buffers, self._position, self._shown, *asked)
         if self._pool is None:
             march(*given, 0, self.n_blocks)
         else:
@@ -527,7 +527,7 @@ def simulate(
     """
     n_steps = scenario.n_steps if duration is None else round(duration / scenario.control_dt)
     n_envs = len(seeds)
-    plant = Plant(scenario, n_envs, n_steps=n_steps, show_channels=False)
+    plant = Plant(scenario, n_envs, n_steps=n_steps)
     plant.begin(np.ones(n_envs, dtype=bool), np.asarray(seeds))
     actions = np.zeros((n_steps, n_envs))
     if commands is not None:

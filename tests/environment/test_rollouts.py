@@ -170,7 +170,7 @@ def searched(
     n = len(scenario.observation_names)
     mean, spread, costs = np.zeros(n), np.full(n, 0.5), []
     n_rows = n_policies * len(seeds)
-    plant = Plant(scenario, n_rows, show_channels=False, dtype="float32")
+    plant = Plant(scenario, n_rows, dtype="float32")
     for _ in range(rounds):
         gains = rng.normal(mean, spread, (n_policies, n))
         plant.begin(np.ones(n_rows, dtype=bool), np.tile(seeds, n_policies))
@@ -187,7 +187,7 @@ def test_a_search_finds_a_good_linear_feedback():
     scenario = dataclasses.replace(load("limits_linear"), duration=100.0)
     policy, costs = searched(scenario, np.arange(8), rounds=30)
     seas = 64
-    plant = Plant(scenario, seas, show_channels=False)
+    plant = Plant(scenario, seas)
     cost = []
     for acting in (policy, TanhPolicy.linear(np.zeros(policy.widths[0]))):
         plant.begin(np.ones(seas, dtype=bool), 20_000_000 + np.arange(seas))
