@@ -157,8 +157,8 @@ def test_a_dead_band_is_inverted_and_rounding_costs_no_more_than_half_a_step(bas
         )
         print(base, uneven, {kind: float(np.sqrt(np.mean(miss**2))) for kind, miss in missed.items()})
         if "winch__dead_band" in uneven and base == NO_LIMITS:
-            # What cannot be had: a drum that moves at all goes on for a whole solver step, 0.1 m (1 - exp(-K dt))
-            # and a little more; half of it is missed at most.
+            # What cannot be had: a drum that moves at all goes on for a whole solver step, by some
+            # 0.1 m (1 - exp(-K dt)); half of it is missed at most.
             assert missed["shaped"].max() < 0.6 * 0.1 * (1.0 - winch.decay) < 0.4 * missed["meant"].max()
         if "winch__command_step" in uneven:
             quanta = winch.shaped(u, v, meant) / 0.05
