@@ -371,9 +371,8 @@ def scenario_of(name: str, settings: Sequence[str] = ()) -> Scenario:
         ValueError: If there is none, or a setting is impossible.
     """
     scenario = scenarios.load(name)
-    for path, value in _settings(settings, "winch.command_delay=0.4"):
-        scenario = scenarios.with_value(scenario, path, value)
-    return scenario
+    values = dict(_settings(settings, "winch.command_delay=0.4"))
+    return scenarios.with_values(scenario, values) if values else scenario
 
 
 def _settings(settings: Sequence[str], example: str) -> list[tuple[str, Any]]:

@@ -45,9 +45,7 @@ def chosen_scenario(
     chosen = scenarios.load(scenario)
     if information_set is not None:
         chosen = scenarios.with_value(chosen, "information_set", information_set)
-    for path, value in (overrides or {}).items():
-        chosen = scenarios.with_value(chosen, path, value)
-    return chosen
+    return scenarios.with_values(chosen, overrides) if overrides else chosen
 
 
 def observation_space(scenario: Scenario) -> gym.spaces.Box:

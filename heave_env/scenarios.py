@@ -209,9 +209,10 @@ class Scenario:
                 "compensator",
                 "null with a linear_payload, which has no tension",
             )
-            for limit in ("power_limit", "torque_limit"):
-                without = "null with a linear_payload, which has no tension"
-                require(getattr(self.winch, limit) is None, self.winch, limit, without)
+            for key in ("power_limit", "torque_limit", "efficiency", "regeneration"):
+                own = Winch.__dataclass_fields__[key].default
+                without = f"{'null' if own is None else own} with a linear_payload, which has no tension"
+                require(getattr(self.winch, key) == own, self.winch, key, without)
         else:
             require(self.payload is not None, self, "payload", "given with a cable")
             require_number(self.payload, "submerged_weight", positive=True)
@@ -234,7 +235,51 @@ class Scenario:
                 "n_elements",
                 "1 for a massless cable (a spring)",
             )
+            self._check_tensions()
+            self._check_landing()
         self._check_vessel()
+
+    def _check_tensions(self) -> None:
+        assert self.cable is not None
+        hanging, strength = self.static_tension, self.cable.breaking_strength
+        if strength is not None and strength <= hanging:
+            raise ValueError(
+                f"Cable.breaking_strength {strength:g} N contradicts Payload.submerged_weight and length, "
+                f"whose still load is {hanging:g} N; give a stronger cable or a lighter payload"
+            )
+        allowed = self.task.tension_limit
+        if allowed is not None and allowed <= hanging:
+            raise ValueError(
+                f"Task.tension_limit {allowed:g} N contradicts Payload.submerged_weight and length, whose "
+                f"still load is {hanging:g} N; raise the limit above it"
+            )
+        rod = self.compensator
+        if rod is not None and rod.force is not None:
+            half = 0.5 * rod.stroke / rod.gas_length
+            least, most = (rod.force * (1.0 + end) ** -rod.polytropic_exponent for end in (half, -half))
+            if not least < hanging < most:
+                raise ValueError(
+                    f"Compensator.force {rod.force:g} N contradicts Payload.submerged_weight and length: "
+                    f"under the still load of {hanging:g} N the rod lies on its stop, for its stroke spans "
+                    f"{least:g} to {most:g} N; leave force at null"
+                )
+
+    def _check_landing(self) -> None:
+        bed = self.task.landing_depth
+        if bed is None:
+            return
+        if bed <= self.initial_length:
+            raise ValueError(
+                f"Task.landing_depth {bed:g} m contradicts length {self.initial_length:g} m: the payload "
+                "would begin below the bed; shorten the cable"
+            )
+        deepest = self.initial_length + max(0.0, math.copysign(self.pay_out.distance, self.pay_out.speed))
+        reached = deepest + self.static_stretch(deepest) + self.winch_reach
+        if self.sea_state.kind != "recorded" and reached < bed:
+            raise ValueError(
+                f"Task.landing_depth {bed:g} m contradicts pay_out.distance and length, which bring the "
+                f"payload no deeper than {reached:g} m; pay out more"
+            )
 
     def _check_vessel(self) -> None:
         sea = self.sea_state
@@ -244,6 +289,11 @@ class Scenario:
                     f"Scenario.{part} must be null when sea_state.kind is recorded: the recording moves the "
                     "boom tip itself"
                 )
+        if sea.kind == "recorded" and self.pay_out.speed != 0.0:
+            raise ValueError(
+                f"Scenario.pay_out at {self.pay_out.speed:g} m/s contradicts sea_state.kind recorded: what "
+                "is paid out is the recording's column payout; set pay_out.speed and pay_out.distance to 0"
+            )
         if self.vessel_table is None:
             return
         if self.vessel is not None:
@@ -278,6 +328,12 @@ class Scenario:
                     f"Sensor.interval must be a whole number of control steps of {self.control_dt:g} s, "
                     f"got {sensor.interval!r}"
                 )
+            corner = sensor.high_pass_omega
+            if corner is not None and corner * self.control_dt >= math.pi:
+                raise ValueError(
+                    f"Sensor.high_pass_omega {corner:g} rad/s contradicts control_dt {self.control_dt:g} s, "
+                    f"which shows nothing above {math.pi / self.control_dt:g} rad/s; lower it"
+                )
             if self.compensator is None and sensor.channel in COMPENSATOR_CHANNELS:
                 raise ValueError(
                     f"Sensor.channel {sensor.channel!r} contradicts compensator, which is null: give one, or "
@@ -309,10 +365,15 @@ class Scenario:
                     f"Scenario.uncertainty cannot draw {path!r}; it may draw numbers of "
                     f"{', '.join(DRAWN_PARTS)}, but no {', no '.join(NOT_DRAWN)}"
                 )
-            if self.sea_state.kind == "recorded" and part in ("sea_state", "vessel"):
+            if self.sea_state.kind in ("recorded", "calm") and part in ("sea_state", "vessel"):
+                fixed = "recording" if self.sea_state.kind == "recorded" else "calm"
                 raise ValueError(
-                    f"Scenario.uncertainty cannot draw {path!r}, since sea_state.kind is recorded: the "
-                    "recording is what it is"
+                    f"Scenario.uncertainty cannot draw {path!r}, since sea_state.kind is "
+                    f"{self.sea_state.kind}: the {fixed} is what it is"
+                )
+            if path.rsplit(".", 1)[-1] in _ACROSS.get(part, ()):
+                raise ValueError(
+                    f"Scenario.uncertainty cannot draw {path!r}, which motion along the cable does not feel"
                 )
             if part == "compensator" and self.compensator is None:
                 raise ValueError(f"Scenario.uncertainty cannot draw {path!r}, since compensator is null")
@@ -356,9 +417,7 @@ class Scenario:
         if not self.nominal:
             return self
         plain = dataclasses.replace(self, nominal=())
-        return cast(
-            Scenario, document.with_values(plain, {item.parameter: item.value for item in self.nominal})
-        )
+        return with_values(plain, {item.parameter: item.value for item in self.nominal})
 
     def with_drawn(self, values: dict[str, float]) -> Scenario:
         """The scenario of one episode: the given numbers in place of its own, and none uncertain.
@@ -690,6 +749,15 @@ def with_value(scenario: Scenario, path: str, value: Any) -> Scenario:
     return cast(Scenario, document.with_value(scenario, path, value))
 
 
+def with_values(scenario: Scenario, values: dict[str, Any]) -> Scenario:
+    """A copy with the values at several dotted paths replaced at once: only the whole must make sense.
+
+    Raises:
+        ValueError: If a path leads nowhere or a value is impossible.
+    """
+    return cast(Scenario, document.with_values(scenario, values))
+
+
 def to_yaml(scenario: Scenario) -> str:
     """The scenario as YAML, each key explained by a comment; `read` takes it back unchanged."""
     units = "Units are SI; heave is positive up, pay-out outwards."
@@ -820,7 +888,7 @@ def varied(scenario: Scenario, variant: str) -> Scenario:
     )
     changes = change(scenario)
     try:
-        plant = cast(Scenario, document.with_values(bare, changes))
+        plant = with_values(bare, changes)
     except ValueError as error:
         raise NoSuchVariantError(f"scenario {scenario.name!r} has no variant {variant!r}: {error}") from error
     return on_plant_of(basis, plant)
@@ -1256,7 +1324,7 @@ def limits_cable() -> Scenario:
 
 
 def _unknown_cable(sea: SeaState) -> tuple[Draw, ...]:
-    """What nobody knows for sure: length and payload (30 % of a together), drag, winch, delay, sea, vessel."""
+    """What nobody knows for sure: length and payload (30 % of a), drag, winch, delay, sea and vessel."""
     parts, vessel = _thesis_cable_and_payload(), _thesis_vessel()
     return (
         _spread("length", parts["length"], 0.15),
