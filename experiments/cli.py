@@ -310,6 +310,13 @@ def parser() -> Parser:
     )
     bench.add_argument("--json", metavar="FILE", help="write every figure with its yardstick and ratio")
     bench.add_argument("--lines", action="store_true", help="the line in three dimensions beside MoorDyn")
+    bench.add_argument(
+        "--gpu",
+        nargs="?",
+        const="cuda",
+        metavar="DEVICE",
+        help="the plant on a GPU (cuda, cuda:1, ...; cpu tries the same kernel on the processor)",
+    )
     bench.add_argument("--quick", action="store_true", help="short measurements: a smoke test")
     return top
 
@@ -838,6 +845,19 @@ def _bench(options: argparse.Namespace) -> None:
             print(f"figures: {runs.write_json(options.json, line_figures(speeds, options.arguments))}")
         return
     console = _console(stderr=True)
+    if options.gpu is not None:
+        from experiments.gpu_benchmark import gpu_table, measure_gpu
+
+        found = measure_gpu(
+            options.gpu,
+            quick=options.quick,
+            arguments=options.arguments,
+            announce=lambda line: console.print(line, markup=False),
+        )
+        print("\n".join(gpu_table(found)))
+        if options.json is not None:
+            print(f"figures: {runs.write_json(options.json, found)}")
+        return
     found = measure(
         quick=options.quick,
         arguments=options.arguments,
