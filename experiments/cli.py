@@ -174,6 +174,11 @@ def parser() -> Parser:
         action="store_true",
         help="also the least cost of who knows each sea beforehand (linear payload; seconds for each sea)",
     )
+    compare.add_argument(
+        "--oracle",
+        action="store_true",
+        help="also the cost of who knows what each episode draws, and every cost over it (uncertainty)",
+    )
     _add_other(compare)
     compare.add_argument("--out", required=True, metavar="DIR", help="folder for the results")
 
@@ -701,6 +706,7 @@ def _compare(options: argparse.Namespace) -> None:
             reference=options.reference,
             allow_other_scenario=options.allow_other_scenario,
             clairvoyant=options.clairvoyant,
+            oracle=options.oracle,
             arguments=options.arguments,
             progress=advance,
         )
@@ -724,6 +730,7 @@ def _print_tables(out: Path) -> None:
             f"{name}: {run['n_seeds']} unseen seas, {item['scored']:g} s after {item['warm_up']:g} s, "
             f"delay {item['command_delay']:g} s"
         )
+        over_oracle = ("J / oracle",) if item.get("oracles") else ()
         for heading in (
             "controller",
             "sees",
@@ -733,6 +740,7 @@ def _print_tables(out: Path) -> None:
             "control energy [m²]",
             "cost J",
             "J / optimum",
+            *over_oracle,
             "ended early",
         ):
             shape: Any = "left" if heading in ("controller", "sees") else "right"
@@ -748,9 +756,12 @@ def _print_tables(out: Path) -> None:
                 with_interval(metrics["control_energy"]),
                 with_interval(metrics["cost"]),
                 with_interval(metrics.get("cost_ratio_to_optimum")),
+                *(with_interval(metrics["cost_over_oracle"]) for _ in over_oracle),
                 ended_early(metrics),
             )
         console.print(table)
+        for label, cost in item.get("oracles", {}).items():
+            console.print(f"yardstick {label}, who knows what each episode drew: cost J {with_interval(cost)}")
         if item["warm_up"] < WARM_UP or item["scored"] < SCORED:
             console.print(
                 f"The episode is shorter than the protocol's {WARM_UP + SCORED:g} s: {item['scored']:g} s "
