@@ -10,7 +10,7 @@ came before it, and its variance s_kj,
 Newton's step takes the derivatives of the normalised innovations by differences. A command delay is whole
 solver steps: the step is rounded in it, and the others' follow.
 
-Source: Åström (1980); Ljung (1999), 7.4 and 10.2.
+Source: Åström (1980).
 """
 
 from __future__ import annotations
