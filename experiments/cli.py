@@ -314,6 +314,7 @@ def parser() -> Parser:
         "heave bench --json bench.json",
     )
     bench.add_argument("--json", metavar="FILE", help="write every figure with its yardstick and ratio")
+    bench.add_argument("--markdown", action="store_true", help="print the tables as docs/benchmark.md has them")
     bench.add_argument("--lines", action="store_true", help="the line in three dimensions beside MoorDyn")
     bench.add_argument(
         "--gpu",
@@ -843,7 +844,7 @@ def _sea(options: argparse.Namespace) -> None:
 
 def _bench(options: argparse.Namespace) -> None:
     from experiments import runs
-    from experiments.benchmark import measure, tables
+    from experiments.benchmark import markdown, measure, tables
 
     if options.json is not None:
         runs.check_file(options.json)
@@ -874,7 +875,7 @@ def _bench(options: argparse.Namespace) -> None:
         arguments=options.arguments,
         announce=lambda line: console.print(line, markup=False),
     )
-    for line in tables(found):
+    for line in markdown(found) if options.markdown else tables(found):
         print(line)
     if options.json is not None:
         print(f"figures: {runs.write_json(options.json, found)}")
