@@ -27,7 +27,7 @@ from baselines.kalman import KalmanFilter, filter_on, filter_outputs
 from baselines.linear_controller import LinearController, without_matrices
 from baselines.lqg import lqg
 from baselines.lqr import design_weights, sampled_gain
-from baselines.model import MODELLED_CHANNELS, LinearModel, channel_row, sea_filter
+from baselines.model import MODELLED_CHANNELS, LinearModel, channel_row, linear_model, sea_filter
 from baselines.winch_model import WinchModel, payload_forcing, winch_model
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
@@ -228,7 +228,7 @@ def require_outputs(scenario: Scenario) -> tuple[str, ...]:
     """Entries of the observation that a filter corrects by.
 
     Raises:
-        ValueError: If there are none.
+        ValueError: If there are none, or the sea is calm.
     """
     outputs = filter_outputs(scenario)
     if not outputs:
@@ -236,6 +236,8 @@ def require_outputs(scenario: Scenario) -> tuple[str, ...]:
             f"scenario {scenario.name!r} measures nothing that a linear filter can use; add a sensor of "
             f"{', '.join(MODELLED_CHANNELS)}"
         )
+    if sea_filter(scenario) is None:
+        linear_model(scenario)  # which says so
     return outputs
 
 

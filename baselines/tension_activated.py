@@ -17,12 +17,14 @@ of its modes) and Δ the control step, the loop that the samples see is
 I = 1 + 1 / (T_i (s + 1/T_c)), n from -3 to 3, the delay that of command and load cell; a second-order drive
 adds what inverting its lag leaves. g is the largest that keeps 1/|1 + G| below `SENSITIVITY` at every
 frequency up to half of the sampling. Since G grows from nothing with g and comes nowhere near -1 on the way,
-the loop is stable. On a spring alone, without delay, the rule is g EA Δ / L = 1. It is found at a few lengths
-of the plan and interpolated. A rod without delay is passive and would bear any g: delay and sampling limit
-it, at the cable's modes first. The dead band only lowers the gain, so it takes no margin.
+the loop is stable. On a spring alone, without delay, the rule is g EA Δ / L = 1, and g is never more. It is
+found at a few lengths of the plan and interpolated. A rod without delay is passive and would bear any g:
+delay and sampling limit it, at the cable's modes first, which are hardly damped in the small. The dead band
+only lowers the gain, so it takes no margin.
 
-A winch with a speed limit gets no more than `SLACK_SPEED` of it for an error as large as the set-point, that
-is, for a cable gone slack: with more it only knows full speed either way, and works the load up.
+Nor is g more than what asks for the winch's full speed (its limit, or K times the command range) when the
+error is as large as the set-point, that is, when the cable is slack: beyond, the winch only knows full speed
+either way, and works the load up. Where that is not enough, `bandwidth` is tuned.
 
 It holds tension, not the payload: below its resonance a payload moves with the sheave and hardly pulls, so
 that little is done; near and above it, holding the tension holds the payload, and takes the edge off snaps.
@@ -58,8 +60,6 @@ LEAST_BAND = 0.01
 DRAG_MOTION = 0.1
 """Speed for which drag is linearised in the margin, over the boom tip's [-]: a compensated cable is damped
 little."""
-SLACK_SPEED = 0.5
-"""Wanted speed for a slack cable over the winch's limit, at most [-]."""
 N_LENGTHS = 5
 """Lengths of a plan at which g is found [-]."""
 N_OMEGAS = 3000
@@ -149,8 +149,10 @@ def tension_activated(
     gains = np.array([rule_gain(scenario, float(at), integral_rate=integral_rate) for at in lengths])
     winch, set_point = scenario.winch, hanging_tension(scenario, length, rate)
     loop_gain = np.interp(np.log(length), np.log(lengths), gains)
+    fastest = winch.rate_constant * winch.command_range
     if winch.speed_limit is not None:
-        loop_gain = np.minimum(loop_gain, SLACK_SPEED * winch.speed_limit / set_point)
+        fastest = min(fastest, winch.speed_limit)
+    loop_gain = np.minimum(loop_gain, fastest / set_point)
     return TensionActivated(
         **without_matrices("tension_activated", scenario, ("sheave_tension",)),
         loop_gain=bandwidth * loop_gain,
@@ -159,7 +161,7 @@ def tension_activated(
         integral_rate=integral_rate,
         control_dt=scenario.control_dt,
         decay=math.exp(-winch.rate_constant * scenario.control_dt),
-        speed_limit=math.inf if winch.speed_limit is None else winch.speed_limit,
+        speed_limit=fastest,
         reach=scenario.winch_reach,
     )
 
@@ -169,7 +171,7 @@ def require_tension(scenario: Scenario) -> None:
     if scenario.is_linear:
         raise ValueError(
             f"controller 'tension_activated' needs sheave_tension measured, but scenario {scenario.name!r} "
-            "has a linear payload and no cable; choose a scenario with a cable, or pid"
+            "has a linear payload and no cable; add a cable, or choose pid"
         )
     measured = measured_entries(scenario)
     if "sheave_tension" not in measured:
@@ -251,20 +253,14 @@ def rule_gain(scenario: Scenario, length: float, *, integral_rate: float = 0.0) 
     """g of the rule at a length [m] [m/(N s)].
 
     |1 + g G₁|² >= 1/S² is a quadratic in g at each frequency: where the curve enters the circle about -1 as g
-    grows is its lesser root, and g the least of them.
-
-    Raises:
-        ValueError: If no frequency limits it.
+    grows is its lesser root, and g the least of them; but no more than the cable bears as a mere spring,
+    L / (EA Δ), should no frequency limit it.
     """
     omega = np.geomspace(1e-2, math.pi / scenario.control_dt, N_OMEGAS)
     G = loop_over_gain(scenario, length, omega, integral_rate=integral_rate)
     square, half = np.abs(G) ** 2, G.real
     discriminant = half**2 - square * (1.0 - SENSITIVITY**-2)
     entering = (half < 0.0) & (discriminant >= 0.0)
-    if not entering.any():
-        raise ValueError(
-            f"no frequency limits the gain of tension_activated on scenario {scenario.name!r}; give its "
-            "winch a command_delay, or it a longer control_dt"
-        )
     roots = (-half[entering] - np.sqrt(discriminant[entering])) / square[entering]
-    return float(roots.min())
+    spring = length / (linear_cable(scenario, length).axial_stiffness * scenario.control_dt)
+    return float(np.min(roots, initial=spring))
