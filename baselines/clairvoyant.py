@@ -81,7 +81,7 @@ def _stage_costs(scenario: Scenario, start: Array, drive: Array) -> Array:
     import clarabel  # deferred: nothing else needs it
 
     winch = winch_model(scenario)
-    A, B, c, d = planning_model(scenario, winch)
+    A, B, c, d = planning_model(scenario, winch, straight=winch.ramps)
     A, B, c = A[:4, :4], B[:4], c[:4]
     n, eye, before = len(drive), sparse.eye(len(drive)), sparse.eye(len(drive), k=-1)
     # Unknowns [x, x', u, v] at the end of each step, the last of them being the step's input.

@@ -15,11 +15,13 @@ and without a search.
 
 The rate is planned at knots that lie the farther apart the farther ahead, and runs straight between them
 (with a lag and no acceleration limit it keeps still between them): as few unknowns as knots, and a plan that
-keeps within its limits everywhere. Of a second-order drive the rate at the end of a step stands for the
-command, of which it is a linear function. Limits of power and torque bound speed and acceleration at the
-present tension, measured or that of the cable hanging still; dead band and rounding are left to the inversion
-of the first move. The search is DAQP's, a dual active-set method, exact and free of tuning; a plan
-that must break the range or the stroke (a drum too fast to stop) is allowed what braking needs.
+keeps within its limits everywhere. A lag whose acceleration limit is far above what its rate wants to jump by
+at a new command (`RARELY`) is planned as if it jumped: to have it run straight cost up to 1 % where the limit
+never bites. Of a second-order drive the rate at the end of a step stands for the command, of which it is a
+linear function. Limits of power and torque bound speed and acceleration at the present tension, measured or
+that of the cable hanging still; dead band and rounding are left to the inversion of the first move. The
+search is DAQP's, a dual active-set method, exact and free of tuning; a plan that must break the range or the
+stroke (a drum too fast to stop) is allowed what braking needs.
 
 It is certainty-equivalent: it plans as if the estimate and the expected sea were true.
 
@@ -35,11 +37,12 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import expm, solve_discrete_are, solve_discrete_lyapunov
 
 from baselines.estimator import Estimator, estimator
+from baselines.kalman import KalmanFilter
 from baselines.linear_controller import LinearController, without_matrices
-from baselines.lqr import design_weights
+from baselines.lqr import design_weights, sampled_gain
 from baselines.model import continuous_model, held_command, nominal_sea, payload_model, sea_filter
 from baselines.winch_model import WinchModel, payload_forcing
 from heave_env.plant import linear_step
@@ -60,6 +63,9 @@ UNLIMITED = 1e20
 """Bound that stands for none; DAQP takes anything above 1e30 for infinite, and below for a number."""
 ROOM = 1e-9
 """What a braking drum is granted beside its braking [m], so that rounding leaves the search an answer."""
+RARELY = 3.0
+"""Standard deviations of the lag's jump at a new command that the acceleration limit lets it make in a
+control step, from which on the plan follows the lag [-]."""
 ENERGY_SHARE = 0.05
 """Price of motion that `mpc_l1` assumes where none is given: following the whole sea costs this share of what
 leaving the winch locked costs [-]."""
@@ -286,8 +292,16 @@ def knots_of(n_steps: int) -> Array:
     return np.array(knots)
 
 
-def planning_model(scenario: Scenario, winch: WinchModel) -> tuple[Array, Array, Array, float]:
+def planning_model(
+    scenario: Scenario, winch: WinchModel, *, straight: bool
+) -> tuple[Array, Array, Array, float]:
     """[x, x', u, v, sea] over a control step whose input is the rate at its end, and the command it takes.
+
+    Args:
+        scenario: The operation.
+        winch: Its drum.
+        straight: Whether the rate of a lag runs straight within the step; else it follows the lag, and the
+            input is its mean. A second-order drive does neither.
 
     Returns:
         A (n, n), B (n, 1), and c (n,) and d of the command u0 = c s + d v.
@@ -301,7 +315,7 @@ def planning_model(scenario: Scenario, winch: WinchModel) -> tuple[Array, Array,
     place = np.r_[0:2, 4:n]
     A[np.ix_(place, place)] = carried
     A[2, 2] = B[3] = c[2] = 1.0
-    if winch.ramps:
+    if straight:
         # The drum's path is a parabola, which the payload meets as the cubic through its ends.
         A[2, 3] = B[2] = c[3] = 0.5 * dt
         _, forcing = linear_step(payload_model(scenario), dt)
@@ -341,11 +355,38 @@ def carried_sea(scenario: Scenario, span: float) -> Array:
     return np.asarray(expm(A[np.ix_(place, place)] * span))
 
 
+def rate_jump_std(
+    scenario: Scenario, filter: KalmanFilter, *, command_weight: float, speed_weight: float
+) -> float:
+    """Standard deviation of what the rate of a lag without limits jumps by at a new command [m/s].
+
+    K times the change of the stochastic-optimal command from one step to the next, by the covariance of the
+    estimate under it.
+    """
+    model, q = filter.model, scenario.task.position_weight
+    per_step = speed_weight / scenario.control_dt**2
+    gain, _ = sampled_gain(model.A, model.B, q, command_weight, speed_weight=per_step)
+    innovation = model.C @ filter.prior_covariance @ model.C.T + model.V
+    learnt = filter.gain @ innovation @ filter.gain.T
+    closed = model.A - model.B @ gain
+    estimate = solve_discrete_lyapunov(closed, learnt)
+    change = gain @ (closed - np.eye(len(closed)))
+    variance = (change @ estimate @ change.T + gain @ learnt @ gain.T).item()
+    return float(scenario.winch.rate_constant * math.sqrt(variance))
+
+
 def plan(
-    scenario: Scenario, winch: WinchModel, *, command_weight: float, speed_weight: float, energy_weight: float
+    scenario: Scenario,
+    winch: WinchModel,
+    *,
+    command_weight: float,
+    speed_weight: float,
+    energy_weight: float,
+    straight: bool,
 ) -> Plan:
-    """Condenses the problem of a scenario."""
-    A, B, c, d = planning_model(scenario, winch)
+    """Condenses the problem of a scenario, the rate of a lag running straight within a step or not."""
+    A, B, c, d = planning_model(scenario, winch, straight=straight)
+    ramps = straight or winch.parameters.is_second_order
     q, n = scenario.task.position_weight, len(A)
     Q = command_weight * np.outer(c, c)
     Q[0, 0] += q
@@ -358,7 +399,7 @@ def plan(
     n_steps, n_knots = int(knots[-1]), len(knots)
     # Everything as rows on [state, rates at the knots].
     now = np.hstack([np.eye(n), np.zeros((n, n_knots))])
-    rates = _rates(knots, winch.ramps, n)
+    rates = _rates(knots, ramps, n)
     P = np.zeros((n + n_knots, n + n_knots))
     displacement = np.empty((n_steps, n + n_knots))
     command = np.empty_like(displacement)
@@ -397,7 +438,7 @@ def plan(
         braking=min(most, -least) * winch.control_dt * knots,
         spans=spans,
         prices=0.5 * energy_weight * np.abs(rates[:, n:]).sum(axis=0),
-        ramps=winch.ramps,
+        ramps=ramps,
     )
 
 
@@ -490,19 +531,26 @@ def _designed(
         if not (math.isfinite(value) and value >= 0.0):
             raise ValueError(f"{label} must be a number, not negative, got {value!r}")
     found = estimator(scenario, mismatch=mismatch)
+    winch = found.winch
+    straight = winch.ramps and not scenario.winch.is_second_order
+    if straight:
+        _, most, least = winch.capability()
+        jump = rate_jump_std(scenario, found.filter, command_weight=r, speed_weight=speed_weight)
+        straight = bool(min(most, -least) * winch.control_dt < RARELY * jump)
     return PredictiveController(
         **without_matrices(name, scenario, found.measures),
         command_weight=r,
         estimator=found,
         plan=plan(
             scenario,
-            found.winch,
+            winch,
             command_weight=r,
             speed_weight=speed_weight,
             energy_weight=energy_weight,
+            straight=straight,
         ),
         ahead=carried_sea(scenario, scenario.winch.command_delay),
-        arrival_forcing=payload_forcing(scenario, found.winch.n_delayed),
+        arrival_forcing=payload_forcing(scenario, winch.n_delayed),
         speed_weight=speed_weight,
         energy_weight=energy_weight,
     )
