@@ -44,7 +44,6 @@ __all__ = [
 ]
 
 DESIGNERS: dict[str, Callable[..., LinearController]] = {
-    "tension_activated": tension_activated,
     "pid": pid,
     "lqr": lqr,
     "delay_lqr": delay_lqr,
@@ -58,6 +57,7 @@ DESIGNERS: dict[str, Callable[..., LinearController]] = {
     "mpc_l1": mpc_l1,
     "multi_model": multi_model,
     "multi_model_mpc": multi_model_mpc,
+    "tension_activated": tension_activated,
 }
 """Functions that design a controller for a scenario, by the controller's name."""
 TUNED = (
