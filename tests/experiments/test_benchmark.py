@@ -41,6 +41,7 @@ def test_a_quick_benchmark_writes_every_figure(tmp_path, capsys):
     roofs = found["machine"]
     assert roofs["float64_flops"] > 0.0 and roofs["copied_bytes"] > 0.0
     assert roofs["share_of_flops"] == pytest.approx(roofs["kernel_flops"] / roofs["float32_flops"])
+    assert 0.0 < found["start"]["import_seconds"] < found["start"]["first_step_seconds"]
     grown = {(item["against"], item["value"], item["face"]) for item in found["growth"]}
     assert len(grown) == len(found["growth"]) == 4 + 2 + 4
     assert all(item["nanoseconds"] > 0.0 for item in found["growth"])
