@@ -39,7 +39,7 @@ from heave_env.gpu.torch_env import HeaveTorchVectorEnv
 from heave_env.provenance import commit, versions
 from heave_env.scenarios import Scenario
 
-ENVS = {"cuda": 16_384, "cpu": 256}
+ENVS = {"cuda": 4096, "cpu": 256}
 """Environments by kind of device, where neither caller nor preset says."""
 _OUTLIER = 20.0  # times the median, as in `agents.vec_env`
 _EVALUATIONS = 20  # at most, however fast the device is
@@ -375,10 +375,10 @@ def train_on_device(
         scenario: Name, YAML file or scenario.
         device: "cuda", "cuda:1" and so on, or "cpu".
         seed: Of the weights, the exploration and the training seas.
-        total_steps: Environment steps; the preset's if not given.
+        total_steps: Environment steps; if not given, as many updates as the preset makes.
         out: Run folder, new or empty; `runs/SCENARIO-device-SEED` if not given.
         preset: Settings on top of the preset of PPO, or a YAML file of them.
-        n_envs: Environments; 16384 on a GPU and 256 on the processor if not given.
+        n_envs: Environments; 4096 on a GPU and 256 on the processor if not given.
         progress: Whether to draw a progress bar on stderr.
 
     Returns:
@@ -415,10 +415,10 @@ def _settings(
     n_envs: int | None,
 ) -> Preset:
     settings = load_preset("ppo", scenario, preset)
-    given: dict[str, Any] = {"n_envs": n_envs or ENVS["cuda" if device.startswith("cuda") else "cpu"]}
-    if total_steps is not None:
-        given["total_steps"] = total_steps
-    return dataclasses.replace(settings, **given)
+    n = ENVS["cuda" if device.startswith("cuda") else "cpu"] if n_envs is None else n_envs
+    if total_steps is None:
+        total_steps = settings.total_steps * n // settings.n_envs
+    return dataclasses.replace(settings, n_envs=n, total_steps=total_steps)
 
 
 class _Record:
@@ -526,7 +526,12 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     parser.add_argument("scenario", help="name of a scenario, or a YAML file")
     parser.add_argument("--device", default="cuda", help="cuda, cuda:1, ... or cpu (default: %(default)s)")
-    parser.add_argument("--steps", type=int, metavar="N", help="environment steps (default: the preset's)")
+    parser.add_argument(
+        "--steps",
+        type=int,
+        metavar="N",
+        help="environment steps (default: as many updates as the preset makes)",
+    )
     parser.add_argument("--envs", type=int, metavar="N", help="environments (default: by device)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--preset", metavar="FILE", help="YAML file of settings on top of the preset")
