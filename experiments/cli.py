@@ -104,13 +104,27 @@ def parser() -> Parser:
     listing = verb(
         "scenarios",
         _scenarios,
-        "list the named scenarios, or show one as YAML",
+        "list the named scenarios and their variants, show one as YAML, or write their pages",
         "heave scenarios list",
         "heave scenarios show sea_state_5 > mine.yaml",
+        "heave scenarios show sea_state_5@rougher",
+        "heave scenarios page landing --out docs/scenarios",
     )
-    listing.add_argument("action", choices=("list", "show"), help="what to do")
-    listing.add_argument("scenario", nargs="?", metavar="SCENARIO", help="name or YAML file, for show")
+    listing.add_argument("action", choices=("list", "show", "page"), help="what to do")
+    listing.add_argument(
+        "scenario", nargs="?", metavar="SCENARIO", help="name or YAML file, for show; name, for page (all)"
+    )
     listing.add_argument("--tag", metavar="TAG", help="list only the scenarios with this tag")
+    listing.add_argument(
+        "--seeds", type=int, default=8, metavar="N", help="of a page: the first N test seas (8)"
+    )
+    listing.add_argument(
+        "--controllers", metavar="A,B,...", help="of a page: designs (none, forecast, lqg, mpc and others)"
+    )
+    listing.add_argument("--duration", type=_seconds, metavar="S", help="of a page: length of an episode [s]")
+    listing.add_argument(
+        "--out", default="docs/scenarios", metavar="DIR", help="folder of the pages (docs/scenarios)"
+    )
     _add_set(listing)
 
     simulate = verb(
@@ -489,6 +503,9 @@ def _scenarios(options: argparse.Namespace) -> None:
             )
         print(scenarios.to_yaml(scenario_of(options.scenario, options.settings)), end="")
         return
+    if options.action == "page":
+        _scenario_pages(options)
+        return
     if options.scenario is not None or options.settings:
         raise ValueError("scenarios list takes no scenario and no --set; heave scenarios show does")
     found = scenarios.names(options.tag)
@@ -496,6 +513,8 @@ def _scenarios(options: argparse.Namespace) -> None:
         tags = sorted({tag for name in scenarios.names() for tag in scenarios.load(name).tags})
         raise ValueError(f"no scenario has the tag {options.tag!r}; tags: {', '.join(tags)}")
     from rich.table import Table
+
+    from experiments.scenario_pages import variant_rows
 
     table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 1, 0))
     table.add_column("name", no_wrap=True)
@@ -515,7 +534,40 @@ def _scenarios(options: argparse.Namespace) -> None:
             ", ".join(scenario.tags),
             scenario.description,
         )
-    _console(width=None if sys.stdout.isatty() else 160).print(table)
+    console = _console(width=None if sys.stdout.isatty() else 160)
+    console.print(table)
+    variants = _table(
+        "variant, as NAME@rougher",
+        "what is other for the plant",
+        "not of",
+        wide="what is other for the plant",
+    )
+    for row in variant_rows():
+        variants.add_row(*row)
+    console.print(variants, markup=False)
+
+
+def _scenario_pages(options: argparse.Namespace) -> None:
+    from experiments.scenario_pages import NOTES, write_page
+
+    if options.settings:
+        raise ValueError("scenarios page takes no --set: a page is of a named scenario as it is")
+    note = _console(stderr=True)
+    controllers = None if options.controllers is None else options.controllers.split(",")
+    for name in NOTES if options.scenario is None else [options.scenario]:
+
+        def told(what: str, name: str = name) -> None:
+            note.print(f"{name}: {what}", markup=False)
+
+        page = write_page(
+            name,
+            options.out,
+            n_seeds=options.seeds,
+            controllers=controllers,
+            duration=options.duration,
+            progress=told,
+        )
+        print(page)
 
 
 def _simulate(options: argparse.Namespace) -> None:

@@ -12,9 +12,12 @@ import yaml
 from hypothesis import given
 from hypothesis import strategies as st
 
+from baselines import design
 from heave_env.document import field_docs
 from heave_env.env import HeaveEnv
+from heave_env.kernel import RUNNING
 from heave_env.parameters import Cable, Payload, SeaState, Winch
+from heave_env.plant import Plant
 from heave_env.scenarios import (
     Scenario,
     from_mapping,
@@ -26,6 +29,7 @@ from heave_env.scenarios import (
     with_value,
     with_values,
 )
+from heave_env.vessel import boom_tip_lines
 
 
 @pytest.mark.parametrize("name", names())
@@ -319,3 +323,40 @@ def test_several_values_need_only_make_sense_together():
     assert with_values(load("sea_state_5"), drive).winch.is_second_order
     env = HeaveEnv("sea_state_5", overrides=drive)
     assert env.scenario.winch.damping_ratio == 0.5
+
+
+TIERS = ("limits_cable", "unknown_cable", "limits_unknown_cable", "energy_cable", "recovery", "rov_umbilical")
+
+
+@pytest.mark.parametrize("name", TIERS)
+def test_the_cable_s_tiers_run_with_a_locked_winch_and_with_lqg(name):
+    # Fixed weights in place of tuning, which would take its time: neither a limit cycle nor a failure.
+    scenario = dataclasses.replace(load(name), duration=40.0)
+    factor, mismatch = (1000.0, 0.1) if name == "recovery" else (100.0, 1.0)
+    weights = {"command_weight": factor * scenario.task.command_weight, "mismatch": mismatch}
+    if scenario.winch.speed_limit is not None:
+        weights["speed_weight"] = 0.3 * scenario.task.position_weight
+    controller = design("lqg", scenario, **weights)
+    seeds = np.arange(20_000_000, 20_000_004, dtype=np.uint64)
+    spreads = []
+    for acting in (False, True):
+        plant = Plant(scenario, len(seeds))
+        plant.begin(np.ones(len(seeds), dtype=bool), seeds)
+        memory, heave = None, []
+        for _ in range(scenario.n_steps):
+            action, memory = controller.predict(plant.observation, memory)
+            plant.advance(action[:, 0].astype(float) if acting else np.zeros(len(seeds)))
+            assert np.all(plant.outcome == RUNNING)
+            heave.append(plant.channel("payload_heave"))
+        # Until the recovery begins to haul, whose drag moves the payload too.
+        spreads.append(float(np.std(heave[100:300])))
+    assert spreads[1] < 0.6 * spreads[0]
+
+
+def test_limits_bite_on_the_cable_as_they_do_on_the_linear_payload():
+    # The boom tip's own speed, of which the weak winch has less than two standard deviations.
+    for name in ("limits_linear", "limits_cable"):
+        scenario = load(name)
+        omega, variance = boom_tip_lines(scenario.sea_state, scenario.boom_tip_vessel)
+        speed = math.sqrt(float(omega**2 @ variance))
+        assert 1.0 < scenario.winch.speed_limit / speed < 2.5
