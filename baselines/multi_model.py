@@ -32,7 +32,7 @@ from typing import Any, cast
 import numpy as np
 
 from baselines.estimator import Estimator
-from baselines.kalman import START_STEPS, KalmanFilter, filter_on
+from baselines.kalman import START_STEPS, KalmanFilter, filter_on, kalman_filter
 from baselines.likelihood import Estimate, at_shares, evaluate, filter_of, filter_record, improved
 from baselines.linear_controller import LinearController, without_matrices
 from baselines.lqg import lqg
@@ -85,6 +85,8 @@ class Member:
     filter: KalmanFilter | Estimator
     controller: LinearController
     """Designed for this model."""
+    measures: tuple[str, ...]
+    """Entries of the observation that it reads."""
     columns: Array
     """Places of its outputs among the bank's measurements, (n_outputs,)."""
 
@@ -429,7 +431,7 @@ def _multi_model(
     options = (("command_weight", r), ("speed_weight", float(speed_weight)), ("mismatch", float(mismatch)))
     n_start = steps[0] + 1 if steps else START_STEPS
     members = _bank(designer, scenario, options, n_members, n_start)
-    measures = members[0].controller.measures
+    measures = members[0].measures
     return MultiModel(
         **without_matrices(name, scenario, measures),
         command_weight=r,
@@ -444,10 +446,11 @@ def _multi_model(
 
 def is_refinable(scenario: Scenario) -> bool:
     """Whether something is unknown that a record can be filtered anew for: with a linear payload, behind a
-    winch without limits or a lag with limits of speed, acceleration and stroke."""
+    winch without limits or a lag with limits of speed, acceleration and stroke, seen through sensors."""
     winch = scenario.winch
     simple = not winch.is_limited or not (winch.is_driven or winch.is_second_order)
-    return bool(scenario.uncertainty) and scenario.is_linear and simple
+    sensed = scenario.observed_filter_states == 0
+    return bool(scenario.uncertainty) and scenario.is_linear and simple and sensed
 
 
 @cache
@@ -462,15 +465,18 @@ def _bank(
     members: list[Member] = []
     for variant in bank_scenarios(scenario, n_members):
         controller = designer(variant, **dict(options))
-        found = cast(Any, controller).estimator
+        # Who sees the whole state has a gain without a filter.
+        found = getattr(controller, "estimator", None) or kalman_filter(variant)
         if isinstance(found, Estimator):
             found = replace(found, filter=replace(found.filter, n_start=n_start))
         else:
             if scenario.uncertainty:
                 found = _doubting(variant, found)
             found = replace(found, n_start=n_start)
-        outputs = controller.measures
-        entries = members[0].controller.measures if members else outputs
+        if hasattr(controller, "estimator"):
+            controller = replace(cast(Any, controller), estimator=found)
+        outputs = found.measures if isinstance(found, Estimator) else found.model.outputs
+        entries = members[0].measures if members else outputs
         columns = np.array([entries.index(name) for name in outputs], dtype=int)
-        members.append(Member(found, replace(controller, **{"estimator": found}), columns))
+        members.append(Member(found, controller, outputs, columns))
     return tuple(members)

@@ -27,6 +27,7 @@ def made(kind, scenario):
     """A design with weights of its own (tuning is tested apart), or None if a sensor is missing."""
     options = {"command_weight": 100.0 * scenario.task.command_weight} if kind in WEIGHTED else {}
     options |= {"bandwidth": 0.5} if kind in ("pid", "tension_activated") else {}
+    options |= {"n_members": 4} if kind.startswith("multi_model") else {}
     try:
         return DESIGNERS[kind](scenario, **options)
     except ValueError as error:

@@ -146,6 +146,14 @@ def test_a_plant_that_is_not_linear_keeps_its_bank():
     assert controller.refinements == () and len(controller.members) == 2
 
 
+def test_who_sees_the_whole_state_has_a_bank_too():
+    scenario = dataclasses.replace(uncertain(INERTIA, LAG), information_set="full_state")
+    controller = multi_model(scenario, n_members=2)
+    assert "filter_state_0" in controller.measures and controller.refinements == ()
+    action, _ = controller.predict(np.full((2, len(scenario.observation_names)), 0.1))
+    assert np.all(np.isfinite(action)) and action[0, 0] != 0.0
+
+
 def test_bad_input_is_refused():
     scenario = load("unknown_linear")
     with pytest.raises(ValueError, match="n_members must be a whole number"):
