@@ -38,8 +38,8 @@ from heave_env.layout import (
     N_TOTALS,
 ) = range(12)
 
-_single_advance = KERNELS[1][0]
-_batch_advance = next(pair[0] for n_lanes, pair in KERNELS.items() if n_lanes > 1)
+# A compiled function finds those it calls among the globals, by name.
+_first, _second, _third, _fourth = ([advance for advance, _ in KERNELS.values()] * 4)[:4]
 
 
 @stage
@@ -112,8 +112,8 @@ def _add_up(state, block, n_rows, n_lanes, reward, outcome, counts, cable, total
     return running
 
 
-def _make(single: bool, fingerprint: int):
-    """The loop over steps around the kernel of one environment, or around that of a batch."""
+def _make(which: int, fingerprint: int):
+    """The loop over steps around one of the kernels, in the order of `KERNELS`."""
 
     @njit(cache=True, nogil=True, error_model="numpy")
     def march(
@@ -167,10 +167,15 @@ def _make(single: bool, fingerprint: int):
                 else:
                     for lane in range(n_rows):
                         actions[first_row + lane] = given[step, first_row + lane]
-                if single:
-                    _single_advance(*before, position + step, actions, *after, block, block + 1)
+                # Only one of these is compiled.
+                if which == 0:
+                    _first(*before, position + step, actions, *after, block, block + 1)
+                elif which == 1:
+                    _second(*before, position + step, actions, *after, block, block + 1)
+                elif which == 2:
+                    _third(*before, position + step, actions, *after, block, block + 1)
                 else:
-                    _batch_advance(*before, position + step, actions, *after, block, block + 1)
+                    _fourth(*before, position + step, actions, *after, block, block + 1)
                 for c in range(len(columns)):
                     for lane in range(n_rows):
                         record[c, step + 1, first_row + lane] = state[block, columns[c], lane]
@@ -185,9 +190,7 @@ def _make(single: bool, fingerprint: int):
     return march
 
 
-LOOPS = {single: _make(single, source_fingerprint()) for single in (True, False)}
-"""The loop by whether it is that of one environment."""
-for _single, _loop in LOOPS.items():
-    announce_compilation(
-        (_loop,), f"the loop over many steps of {'one environment' if _single else 'a batch'} (about 15 s)"
-    )
+LOOPS = {key: _make(which, source_fingerprint()) for which, key in enumerate(KERNELS)}
+"""The loop around each of `KERNELS`, by its key there."""
+for _loop in LOOPS.values():
+    announce_compilation((_loop,), "the loop over many steps (about 15 s)")

@@ -7,7 +7,6 @@ faces, `simulate` and the tests all stand on it.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
 from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
@@ -19,6 +18,7 @@ from heave_env import kernel as k
 from heave_env import layout as rows
 from heave_env.cable.axial import fill_parameters, n_cable_rows, node_rows
 from heave_env.compiled import announce_compilation
+from heave_env.marching import LOOPS
 from heave_env.parameters import LinearPayload, Winch
 from heave_env.rollouts import rollout
 from heave_env.scenarios import Scenario
@@ -411,13 +411,16 @@ class Plant:
                 share.result()
         self._position += 1
 
-    def over_blocks(self, march: Callable[..., None], asked: tuple[Any, ...], n_steps: int) -> None:
-        """Lets a compiled loop advance all blocks by `n_steps` control steps, shared among the threads.
+    def advance_many(self, asked: tuple[Any, ...], n_steps: int) -> None:
+        """Advances every row by `n_steps` control steps in one call of `marching`'s loop.
 
-        See `marching` for the arguments that it is called with.
+        Args:
+            asked: What the loop takes between the kernel's arguments and the blocks.
+            n_steps: Control steps, the first of what is asked.
         """
+        march = LOOPS[self.n_lanes]
         filled = (self._state, self.observation, self.reward, self.outcome)
-        given = (*filled, self._buffers, self._position, self._shown, *asked)
+        given: tuple[Any, ...] = (*filled, self._buffers, self._position, self._shown, *asked)
         if self._pool is None:
             march(*given, 0, self.n_blocks)
         else:

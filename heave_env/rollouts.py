@@ -24,7 +24,6 @@ from heave_env.marching import (
     FARTHEST,
     FATE,
     HIGHEST,
-    LOOPS,
     LOWEST,
     N_TOTALS,
     STEPS_MADE,
@@ -224,7 +223,7 @@ def rollout(
     asked = (
         n_steps, n_settling, given, np.array(widths), parameters, not linear, columns, record, totals
     )  # fmt: skip
-    plant.over_blocks(LOOPS[plant.n_lanes == 1], asked, n_steps)
+    plant.advance_many(asked, n_steps)
     outcome, made = totals[FATE].astype(np.int64), totals[STEPS_MADE].astype(np.int64)
     until = np.where((outcome == RUNNING) | (outcome == LANDED), made, n_steps)
     means = totals[TOTAL_COST : TOTAL_SAFETY + 1] / np.maximum(until - n_settling, 1)
