@@ -58,6 +58,8 @@ ESTIMATING = ("lqg", "gain_scheduled", "time_varying_lq")
 """Designs with a filter, whose doubt of its model is tuned too, and a weight of the speed."""
 BANDWIDTHS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18)
 """Shares of the rule's bandwidth (or gain) that are tried for `pid` and `tension_activated` [-]."""
+LARGER_BANDWIDTHS = (1.4, 2.0)
+"""Those that are tried for `pid` besides [-]: its rule is cautious where a cable's inertia is large."""
 WARM_UP = 100.0
 """Seconds that do not count [s]; a quarter of a shorter episode."""
 LONGEST = 250.0
@@ -146,7 +148,7 @@ def tuned_weights(
         elif name == "multi_model_mpc":
             _CACHE[key] = tuned_weights("mpc", mpc, scenario.with_drawn({}), {}) if _alone(scenario) else {}
         elif name in ("pid", "tension_activated"):
-            _CACHE[key] = _bandwidth(designer, scenario, options)
+            _CACHE[key] = _bandwidth(name, designer, scenario, options)
         else:
             _CACHE[key] = _search(name, designer, scenario, options)
     return _CACHE[key]
@@ -217,7 +219,9 @@ def _predictive_weights(name: str, scenario: Scenario) -> dict[str, float]:
     operation = tuning_scenario(scenario)
     q, r = scenario.task.position_weight, scenario.task.command_weight
     least, chosen = math.inf, dict(of_filter)
-    for factor, speed in PREDICTIVE_WEIGHTS:
+    # At last with the weights of `lqg`, than which it should never be worse.
+    own = (of_filter["command_weight"] / r, of_filter["speed_weight"] / q)
+    for factor, speed in (*PREDICTIVE_WEIGHTS, own):
         trial = of_filter | {"command_weight": factor * r, "speed_weight": speed * q}
         cost = training_cost(operation, mpc(scenario, **trial), limit=least)
         if cost < least:
@@ -241,11 +245,18 @@ def _priced_weights(scenario: Scenario) -> dict[str, float]:
     return chosen
 
 
-def _bandwidth(designer: Designer, scenario: Scenario, options: dict[str, Any]) -> dict[str, float]:
+def _bandwidth(
+    name: str, designer: Designer, scenario: Scenario, options: dict[str, Any]
+) -> dict[str, float]:
     operation = tuning_scenario(scenario)
     least, chosen = math.inf, BANDWIDTHS[-1]
     for share in BANDWIDTHS:
         cost = training_cost(operation, designer(scenario, bandwidth=share, **options), limit=least)
         if cost < least:
+            least, chosen = cost, share
+    # More than the rule's only where that has been the best, and where it is worth the caution.
+    for share in LARGER_BANDWIDTHS if name == "pid" and chosen == BANDWIDTHS[0] else ():
+        cost = training_cost(operation, designer(scenario, bandwidth=share, **options), limit=least)
+        if cost < least / CAUTION:
             least, chosen = cost, share
     return {"bandwidth": chosen}
