@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -418,13 +419,12 @@ class Plant:
             asked: What the loop takes between the kernel's arguments and the blocks.
             n_steps: Control steps, the first of what is asked.
         """
-        march = LOOPS[self.n_lanes]
         filled = (self._state, self.observation, self.reward, self.outcome)
-        given: tuple[Any, ...] = (*filled, self._buffers, self._position, self._shown, *asked)
+        march = partial(LOOPS[self.n_lanes], *filled, self._buffers, self._position, self._shown, *asked)
         if self._pool is None:
-            march(*given, 0, self.n_blocks)
+            march(0, self.n_blocks)
         else:
-            work = [self._pool.submit(march, *given, a, b) for a, b in self._shares]
+            work = [self._pool.submit(march, a, b) for a, b in self._shares]
             for share in work:
                 share.result()
         self._position += n_steps
