@@ -193,7 +193,7 @@ class GpuPlant:
             ("samples", int(cfg[k.ROW_SENSORS])),
             ("draws", int(cfg[k.ROW_DRAWS])),
         ]
-        nodes = cfg[cfg[k.AT_NODE_ROWS] :][:n_nodes]
+        nodes = int(cfg[k.ROW_NODES]) + rows.N_NODE_FIELDS * np.arange(n_nodes)
         self._node_rows = (("displacement", nodes + rows.DISPLACEMENT), ("velocity", nodes + rows.VELOCITY))
 
     # Episodes and steps --------------------------------------------------------------------------
