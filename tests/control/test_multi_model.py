@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import pickle
+import time
 
 import numpy as np
 import pytest
@@ -214,3 +215,31 @@ def test_with_limits_the_plan_is_all_but_the_oracles():
         difference = costs[gained][0] - planned
         assert difference.mean() > 3.0 * np.std(difference, ddof=1) / np.sqrt(len(difference))
     assert least.mean() <= planned.mean()
+
+
+@pytest.mark.slow
+def test_a_row_is_refined_at_the_named_instants_alone():
+    # What one row's decisions take is printed with `pytest -s`: it is this machine's, and no claim.
+    scenario = load("unknown_linear")
+    controller = multi_model(scenario)
+    plant = Plant(scenario, 1, show_channels=False)
+    plant.begin(np.ones(1, dtype=bool), np.array([TEST_SEA]))
+    memory, times, costly = None, [], []
+    for step in range(controller.refinements[-1] + 100):
+        began = time.perf_counter()
+        action, following = controller.predict(plant.observation, memory)
+        times.append(time.perf_counter() - began)
+        if (
+            memory is not None
+            and following[0, controller.places["handed"]] > memory[0, controller.places["handed"]]
+        ):
+            costly.append(step)
+        memory = following
+        plant.advance(action[:, 0].astype(float))
+    assert tuple(costly) == controller.refinements
+    first = controller.refinements[0]
+    others = np.delete(times, costly)
+    print(
+        f"\none row: bank {1e6 * np.mean(others[1:first]):.0f} µs, then "
+        f"{1e6 * np.median(others[first:]):.0f} µs; refinements {np.round(np.array(times)[costly], 2)} s"
+    )
