@@ -104,6 +104,22 @@ def test_the_device_agrees_with_the_processor_over_1000_steps(name, device):
     assert np.array_equal(one.steps(), other.steps())
 
 
+@pytest.mark.slow
+@on_each_device
+@pytest.mark.parametrize(
+    "name", ["thesis_regulator_delay", "thesis_cable", "landing", "energy_linear", "limits_unknown_linear"]
+)
+def test_the_other_named_scenarios_agree_too(name, device):
+    one, other = both(load(name), 3, device=device)
+    difference = Difference()
+    for _ in range(1000):
+        step_both(one, other, compensating(one))
+        difference.take(one, other)
+    print(f"{name} on {device}: channels agree to {difference.relative:.1e}")
+    assert difference.relative < 1e-9
+    assert np.allclose(one.observation, other.numpy("observation").T, rtol=0, atol=2e-6)
+
+
 @on_each_device
 def test_each_step_agrees_where_slack_makes_the_motion_chaotic(device):
     # Under rough commands a difference in the last bit grows by itself: compare from a common state.
