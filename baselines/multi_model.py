@@ -6,8 +6,8 @@ member i and its covariance S_i the log weight gains -(ln det S_i + νᵀ S_i⁻
 `multi_model` gives the mean of the members' own optimal commands under these weights, `multi_model_mpc` the
 plan of the member with the largest.
 
-No member is right: the weights soon settle on one, and in eight dimensions even the best of 128, chosen in
-hindsight, costs an eighth more than the truth. At some instants of the episode (`REFINEMENTS`) the whole
+No member is right: the weights soon settle on one, and in eight dimensions even the best one, chosen in
+hindsight, costs a quarter more than the truth. At some instants of the episode (`REFINEMENTS`) the whole
 record is therefore filtered anew under parameters that Gauss and Newton's steps make likelier
 (`baselines.likelihood`): first from the weightiest members, then from where the last refinement ended. From
 the first one on the row has one model, the likeliest, with its filter where the record has brought it and a

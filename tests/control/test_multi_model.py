@@ -243,3 +243,23 @@ def test_a_row_is_refined_at_the_named_instants_alone():
         f"\none row: bank {1e6 * np.mean(others[1:first]):.0f} µs, then "
         f"{1e6 * np.median(others[first:]):.0f} µs; refinements {np.round(np.array(times)[costly], 2)} s"
     )
+
+
+@pytest.mark.slow
+def test_no_member_is_as_good_as_what_the_record_tells():
+    # The bank alone, and the best of its members for each sea in hindsight; `pytest -s` prints both.
+    scenario = load("unknown_linear")
+    seeds = [TEST_SEA + i for i in range(16)]
+    least = driven(scenario, oracle(scenario, seeds), seeds, 4000, 1000)[0]
+    bank = multi_model(scenario, refinements=())
+    cost, _, memory = driven(scenario, bank, seeds, 4000, 1000)
+    best = np.full(len(seeds), np.inf)
+    for i, member in enumerate(bank.members):
+        alone = dataclasses.replace(bank, members=(member,), shares=bank.shares[i : i + 1])
+        best = np.fmin(best, driven(scenario, alone, seeds, 4000, 1000)[0])
+    print(
+        f"\nover the oracle: bank of {len(bank.members)} {cost.mean() / least.mean():.3f}, its best member "
+        f"in hindsight {best.mean() / least.mean():.3f}; largest weight at the end at least "
+        f"{bank.weights(memory).max(axis=1).min():.3f}"
+    )
+    assert best.mean() > 1.05 * least.mean()
