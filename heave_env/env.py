@@ -607,7 +607,8 @@ class HeaveEnv(gym.Env):
         if self._traces is not None:
             self._traces.record()
             self._show_human()
-        return self._observation.copy(), plant.reward.item(), terminated, truncated, self._infos(fate)
+        info = self._infos(fate) if self._info else {}
+        return self._observation.copy(), plant.reward.item(), terminated, truncated, info
 
     def render(self) -> Any:
         """A frame (uint8, (480, 640, 3)), a string for "ansi", or None for "human"."""
