@@ -28,6 +28,7 @@ from scipy import sparse
 
 from baselines.model import payload_model
 from baselines.mpc import planning_model
+from baselines.oracle import drawn_parameters
 from baselines.winch_model import winch_model
 from heave_env.plant import linear_step, simulate
 from heave_env.scenarios import Scenario
@@ -55,10 +56,12 @@ def clairvoyant_cost(scenario: Scenario, seeds: Sequence[int], *, warm_up: float
     if not 0 <= first < scenario.n_steps:
         raise ValueError(f"warm_up must leave something of {scenario.duration:g} s, got {warm_up!r}")
     record = simulate(scenario, seeds=list(seeds))
-    forcing = linear_step(payload_model(scenario), scenario.control_dt)[1].T
+    # Who knows everything knows what the episode drew, too.
+    own = [scenario.with_drawn(drawn) for drawn in drawn_parameters(scenario, seeds)]
     heave, rate = record["boom_tip_heave"], record["boom_tip_heave_rate"]
     costs = []
-    for i in range(len(seeds)):
+    for i, known in enumerate(own):
+        forcing = linear_step(payload_model(known), scenario.control_dt)[1].T
         ends = np.column_stack([heave[:-1, i], rate[:-1, i], heave[1:, i], rate[1:, i]])
         start = np.array(
             [
@@ -66,7 +69,7 @@ def clairvoyant_cost(scenario: Scenario, seeds: Sequence[int], *, warm_up: float
                 for name in ("payload_heave", "payload_heave_rate", "winch_displacement", "winch_rate")
             ]
         )
-        costs.append(float(np.mean(_stage_costs(scenario, start, ends @ forcing)[first:])))
+        costs.append(float(np.mean(_stage_costs(known, start, ends @ forcing)[first:])))
     return np.array(costs)
 
 

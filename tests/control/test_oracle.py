@@ -7,6 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
+from baselines.clairvoyant import clairvoyant_cost
 from baselines.lqg import lqg
 from baselines.oracle import drawn_parameters, oracle
 from experiments.rollout import rollout
@@ -32,6 +33,16 @@ def test_each_row_has_the_controller_of_its_draw():
         alone = rollout(known, lqg(known), [seed], duration=20.0)
         # Observations are scaled by other sizes, and rounded to single precision.
         assert together.steps["command"][:, row] == pytest.approx(alone.steps["command"][:, 0], abs=1e-4)
+
+
+def test_who_knows_the_sea_knows_what_was_drawn():
+    pytest.importorskip("clarabel")
+    scenario = dataclasses.replace(load("unknown_linear"), duration=20.0)
+    together = clairvoyant_cost(scenario, SEEDS[:2], warm_up=5.0)
+    for seed, values, cost in zip(SEEDS, drawn_parameters(scenario, SEEDS[:2]), together, strict=False):
+        alone = clairvoyant_cost(scenario.with_drawn(values), [seed], warm_up=5.0)
+        assert cost == pytest.approx(alone[0], rel=1e-4)
+    assert together[0] != pytest.approx(together[1], rel=0.05)
 
 
 def test_progress_counts_the_seeds():
