@@ -4,6 +4,7 @@ Runs on Warp's processor device, and on a CUDA card where there is one.
 """
 
 import dataclasses
+import sys
 
 import numpy as np
 import pytest
@@ -247,6 +248,13 @@ def test_a_recorded_sea_is_refused(tmp_path):
 def test_impossible_arguments_are_refused(arguments, sentence):
     with pytest.raises(ValueError, match=sentence):
         HeaveTorchVectorEnv("thesis_linear", **{"num_envs": 2, "device": "cpu", **arguments})
+
+
+def test_without_warp_a_sentence_says_what_to_install(monkeypatch):
+    monkeypatch.setitem(sys.modules, "warp", None)
+    with pytest.raises(ModuleNotFoundError, match=r"pip install 'heave-env\[gpu\]'") as caught:
+        HeaveTorchVectorEnv("thesis_linear", 2, device="cpu")
+    assert caught.value.name == "warp-lang"
 
 
 # The torch face ----------------------------------------------------------------------------------
