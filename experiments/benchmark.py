@@ -614,8 +614,8 @@ def _machine_lines(found: dict[str, Any]) -> list[str]:
         f"{1e3 * giga['kernel_steps']:.2f} million steps/s: {giga['kernel_flops']:.1f} GFLOP/s at "
         f"{FLOPS_PER_NODE} operations per node and solver step, {machine['share_of_flops']:.0%} of that; its "
         f"{machine['state_bytes']:.0f} bytes of state per environment, read and written once, are "
-        f"{machine['share_of_copying'] * giga['copied_bytes']:.1f} GB/s, {machine['share_of_copying']:.0%} of "
-        "the copying: more than all of it where the batch fits into the cache.",
+        f"{machine['share_of_copying'] * giga['copied_bytes']:.1f} GB/s, {machine['share_of_copying']:.0%} "
+        "of the copying: more than all of it where the batch fits into the cache.",
         f"A fresh process, the kernel on disk: import {found['start']['import_seconds']:.2f} s, first step "
         f"{found['start']['first_step_seconds']:.2f} s after its beginning.",
     ]
