@@ -80,8 +80,6 @@ def test_tuning_gives_a_heavy_cable_more_bandwidth_than_the_rule_and_not_too_muc
     operation = tuning_scenario(scenario)
     by_rule, twice, more = (training_cost(operation, pid(scenario, bandwidth=b)) for b in (1.0, 2.0, 2.8))
     tuned = training_cost(operation, design("pid", scenario))
-    print(
-        f"J by the rule {by_rule:.3g}, twice its bandwidth {twice:.3g}, 2.8 times {more:.3g}; tuned {tuned:.3g}"
-    )
+    print(f"J by the rule {by_rule:.3g}, twice the band {twice:.3g}, 2.8 times {more:.3g}; tuned {tuned:.3g}")
     # The cable's second mode at 5.19 rad/s, which the rule's model has not, sets the end.
     assert tuned == twice < 0.6 * by_rule < more
