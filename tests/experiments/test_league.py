@@ -493,6 +493,16 @@ def test_a_submission_may_remember_and_import_what_lies_beside_it(tmp_path):
     np.testing.assert_allclose(command, [0.0, 0.25, 0.5, 0.5], rtol=1e-6)
 
 
+def test_the_documented_submission_acts(tmp_path):
+    told = (Path(__file__).parents[2] / "docs" / "league.md").read_text(encoding="utf-8")
+    path = tmp_path / "mine.py"
+    path.write_text(told.split("```python\n")[1].split("```")[0], encoding="utf-8")
+    scenario = load("thesis_linear")
+    trajectory = rollout(scenario, controller_of(f"file:{path}", scenario), [FIRST_TEST_SEED], duration=5.0)
+    heave, command = trajectory.states["payload_heave"][:-1, 0], trajectory.steps["command"][:, 0]
+    assert np.corrcoef(heave, command)[0, 1] < -0.99
+
+
 # The command -------------------------------------------------------------------------------------
 
 
