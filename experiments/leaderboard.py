@@ -38,7 +38,9 @@ OPTIMUM = "optimum"
 """What the proven optimum is called among the yardsticks."""
 SPREADS = ("median", "p95", "maximum")
 """What stands beside every mean."""
-N_THRESHOLDS = 121
+PROFILE_ENDS = (0.01, 100.0)
+"""Ratios beyond which a performance profile is cut off [-]."""
+N_THRESHOLDS = 201
 """Points of a performance profile [-]."""
 
 
@@ -250,7 +252,7 @@ def best(cells: Sequence[Cell], order: Sequence[str]) -> str | None:
 def profiles(cells: Sequence[Cell], names: Sequence[str], reference: str) -> dict[str, Any]:
     """Performance profiles: for each threshold, the share of seas and trainings whose ratio is at most it.
 
-    Several cells are joined, sea by sea.
+    Several cells are joined, sea by sea. Ratios beyond `PROFILE_ENDS` are left out of the thresholds.
     """
     scores = {}
     for name in names:
@@ -263,8 +265,8 @@ def profiles(cells: Sequence[Cell], names: Sequence[str], reference: str) -> dic
         return {"thresholds": [], "shares": {}}
     low = min(float(item.min()) for item in scores.values())
     high = max(float(np.quantile(item, 0.99)) for item in scores.values())
-    low = max(low, 1e-6 * high)
-    thresholds = np.geomspace(0.98 * low, max(1.02 * high, 1.1 * low), N_THRESHOLDS)
+    low, high = (float(np.clip(end, *PROFILE_ENDS)) for end in (low, high))
+    thresholds = np.geomspace(0.97 * min(low, 1.0), 1.03 * max(high, 1.0), N_THRESHOLDS)
     return {
         "thresholds": np.round(thresholds, 8),
         "shares": {name: np.round(performance_profile(item, thresholds), 5) for name, item in scores.items()},

@@ -99,7 +99,11 @@ def cell(found: dict[str, Any], column: Column) -> Cell:
     interval = ""
     ends = (number["low"], number["high"])
     if shows_interval and None not in ends and ends[0] != ends[1]:
-        interval = f"{significant(factor * number['low'])} to {significant(factor * number['high'])}"
+        for digits in (3, 4, 5):  # as few as tell the ends from each other and from 1
+            low, high = (significant(factor * end, digits) for end in ends)
+            interval = f"{low} to {high}"
+            if low != high and significant(1.0, digits) not in (low, high):
+                break
     return {"text": significant(factor * number["value"], 4), "interval": interval, "quantity": quantity}
 
 
