@@ -38,6 +38,8 @@ OPTIMUM = "optimum"
 """What the proven optimum is called among the yardsticks."""
 SPREADS = ("median", "p95", "maximum")
 """What stands beside every mean."""
+LEAST_SEAS = 10
+"""Seas below which nobody is called the best: a bootstrap of fewer promises too much [-]."""
 PROFILE_ENDS = (0.01, 100.0)
 """Ratios beyond which a performance profile is cut off [-]."""
 N_THRESHOLDS = 201
@@ -236,9 +238,10 @@ def ranked(found: Mapping[str, Mapping[str, Quantity]], reference: str) -> list[
 def best(cells: Sequence[Cell], order: Sequence[str]) -> str | None:
     """The first of the ranked contestants if it is surely below every other one, else None.
 
-    Surely means that the 95 % interval of the ratio of its mean cost to the other's lies below 1.
+    Surely means that the 95 % interval of the ratio of its mean cost to the other's lies below 1, over at
+    least `LEAST_SEAS` seas.
     """
-    if len(order) < 2:
+    if len(order) < 2 or any(cell.results[order[0]].cost.shape[1] < LEAST_SEAS for cell in cells):
         return None
     for other in order[1:]:
         item = estimated(
