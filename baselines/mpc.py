@@ -61,6 +61,8 @@ LEAST_CURVATURE = 1e-6
 convex problem."""
 UNLIMITED = 1e20
 """Bound that stands for none; DAQP takes anything above 1e30 for infinite, and below for a number."""
+FULL = 0.999
+"""Share of the acceleration limit from which on a planned step counts as at the limit [-]."""
 ROOM = 1e-9
 """What a braking drum is granted beside its braking [m], so that rounding leaves the search an answer."""
 RARELY = 3.0
@@ -153,14 +155,29 @@ class PredictiveController(LinearController):
         state = self._at_arrival(estimate, rate, tension)
         winch = self.estimator.winch
         capability = winch.capability(tension) if winch.feels_tension else None
-        first = self.planned(state, capability)[:, 0]
-        u, v = state[:, 2], state[:, 3]
+        rates = self.planned(state, capability)
+        u, v, first = state[:, 2], state[:, 3], rates[:, 0]
         if self.plan.ramps:
+            if capability is None and not winch.parameters.is_second_order:
+                first = self._end_of_full_acceleration(v, rates)
             command = winch.command_for_rate(u, v, first, tension)
         else:
             command = winch.command_for_displacement(u, u + winch.control_dt * first, tension)
         command = winch.shaped(u, v, command, tension)[:, None]
         return command, self.estimator.advanced(memory, estimate, rate, command, tension)
+
+    def _end_of_full_acceleration(self, v: Array, rates: Array) -> Array:
+        """Rate at which the plan's acceleration leaves its limit, within the first knots [m/s], (n_envs,).
+
+        A lag that is asked for this rate accelerates at its limit of itself. Were it asked for just what a
+        step can give, the least error of command or model would take that from it.
+        """
+        assert self.plan is not None and self.estimator is not None
+        winch = self.estimator.winch
+        gained = np.diff(np.column_stack([v, rates[:, :N_FINE]]), axis=1)
+        full = np.abs(gained) >= FULL * winch.acceleration_limit * winch.control_dt
+        run = np.cumprod(full & (np.sign(gained) == np.sign(gained[:, :1])), axis=1).sum(axis=1)
+        return np.asarray(rates[np.arange(len(rates)), np.maximum(run, 1) - 1])
 
     def _at_arrival(self, estimate: Array, rate: Array, tension: Array | None) -> Array:
         """State when the command now given arrives at the winch, (n_envs, n_states of the plan)."""

@@ -67,9 +67,7 @@ def test_limits_that_never_bite_cost_nothing(operation, n_substeps):
     theirs, ours = cost(loose, lqg(loose), 8).mean(), cost(loose, mpc(loose), 8).mean()
     without = cost(free, lqg(free), 8).mean()
     ratio, plant = ours / theirs, theirs / without
-    print(
-        f"{operation.name}, {n_substeps} steps: mpc over lqg {ratio:.4f}; loose over none {plant:.4f}"
-    )
+    print(f"{operation.name}, {n_substeps} steps: mpc over lqg {ratio:.4f}; loose over none {plant:.4f}")
     assert ours == pytest.approx(theirs, rel=5e-3)
     # What is left is the plant's: with an acceleration limit a drum moves by the trapezoid of a solver step.
     assert 1.0 < plant < 1.0 + 0.05 / n_substeps
@@ -156,9 +154,9 @@ def test_the_limited_winch_does_what_the_plan_says():
 
     spy = Spy(**{name: getattr(controller, name) for name in controller.__dataclass_fields__})
     record = trajectory(with_(LIMITS, duration=60.0), spy, 4).states["winch_rate"]
-    # The command of step k arrives 0.2 s later and has done its work another step later. After ten seconds
+    # The command of step k arrives 0.2 s later and has done its work another step later. After twelve seconds
     # the lag has forgotten that the controller had to guess where the drum was at first.
-    assert np.array(planned)[100:-3] == pytest.approx(record[103:-1], abs=1.5e-4)
+    assert np.array(planned)[120:-3] == pytest.approx(record[123:-1], abs=1.5e-4)
 
 
 def test_a_drum_too_fast_to_stop_still_finds_a_plan():
@@ -255,3 +253,27 @@ def test_tuned_predictive_control_is_at_least_as_good_as_the_tuned_clipped_desig
         difference = costs["mpc"] - costs["lqg"]
         assert difference.mean() < 3.0 * difference.std(ddof=1) / 8.0
         assert tuning_scenario(scenario).n_steps <= scenario.n_steps
+
+
+@pytest.mark.slow
+def test_a_command_that_is_a_little_off_does_little_harm():
+    """Slow noise of 3 cm on the command, of which the filter is told: at its acceleration limit the drum is
+    asked for more than a step can give, or the noise would take that from it. Prints the mean costs."""
+    controller = design("mpc", LIMITS, **TUNED["mpc"])
+    rng, wander = np.random.default_rng(0), np.zeros((8, 1))
+
+    class Disturbed:
+        def predict(self, observation, state=None, episode_start=None, deterministic=True):
+            nonlocal wander
+            y = observation[:, controller.columns].astype(float) * controller.scale + controller.offset
+            memory = np.zeros((len(y), controller.n_memory)) if state is None else state
+            estimate, rate = controller.estimator.corrected(memory, y)
+            wander = 0.98 * wander + 0.2 * 0.03 * rng.standard_normal(wander.shape)
+            command = controller.respond(y, memory)[0] + wander
+            given = (command / controller.command_range).astype(np.float32)
+            return given, controller.estimator.advanced(memory, estimate, rate, command)
+
+    calm, disturbed = cost(LIMITS, controller, 8).mean(), cost(LIMITS, Disturbed(), 8).mean()
+    print(f"as it is {calm:.3g}, with 3 cm of noise on the command {disturbed:.3g}")
+    # What 3 cm does to the payload itself, through its resonance, is of this order; a limit cycle costs more.
+    assert disturbed < calm + 2.0
