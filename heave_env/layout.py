@@ -1,7 +1,7 @@
 """Rows of the state buffer, known to the compiled stages and to nobody outside the plant.
 
 All real state of a batch lies in one buffer of shape (n_blocks, n_rows, n_lanes): environments are
-the innermost axis, so that every loop over lanes is a vector operation. The rows below stand first;
+the innermost axis, so that a row is one value of `heave_env.lanes`. The rows below stand first;
 behind them follow, at offsets kept in the integer configuration, the wave filter, the sinusoids, the
 command ring, the sensor ring and the cable's nodes.
 """
@@ -109,46 +109,59 @@ COMPENSATOR_DAMPING = 77
 COMPENSATOR_MASS = 78
 HALF_STROKE = 79
 
-# Scratch of a step, rewritten by every step.
-OLD_BOOM_TIP = 80
-OLD_BOOM_TIP_RATE = 81
-NEW_BOOM_TIP = 82
-NEW_BOOM_TIP_RATE = 83
-SHEAVE_OLD = 84
-SHEAVE_NEW = 85
-WINCH_OLD = 86
-WINCH_RATE_START = 87
-LENGTH_OLD = 88
-MID_LENGTH = 89
-LENGTH_SPEED = 90
-STEP_WORK = 91
-SHEAVE_RATE_OLD = 92
-SHEAVE_RATE_NEW = 93
-PAYOUT_RATE = 94
-STEP_SUPPLY = 95
-ACTING_COMMAND = 96
-BOOM_TIP_BELOW = 97
-COMPENSATOR_OLD = 98
-FIRST_TRIAL = 99
-FIRST_GAP = 100
-SCRATCH = 101
+# Of a rope beyond Hooke's law, whose stored energy over EA is e²/2 + QUADRATIC e³ + CUBIC e⁴.
+CABLE_QUADRATIC = 80
+CABLE_CUBIC = 81
+RELAXING_STIFFNESS = 82
+RELAXATION_RATE = 83
+# The operation's pay-out rate, which is not a channel.
+PAYOUT_RATE = 84
+N_FIXED = 85
 
-# Of a rope beyond Hooke's law, whose stored energy over EA is e²/2 + QUADRATIC e³ + CUBIC e⁴; the last row is
-# scratch.
-CABLE_QUADRATIC = 111
-CABLE_CUBIC = 112
-RELAXING_STIFFNESS = 113
-RELAXATION_RATE = 114
-RELAXING_SHARE = 115
-N_FIXED = 116
-
-# Fields of a node; the node j stands at the rows from `nodes + N_NODE_FIELDS * j`.
+# Fields of a node; the node j stands at the rows from `nodes + N_NODE_FIELDS * j`. The tension is that of the
+# element below the node, mean over the last solver step.
 DISPLACEMENT = 0
 VELOCITY = 1
-INCREMENT = 2
-TRIAL_VELOCITY = 3
-SUPER = 4
-LOAD = 5
-ELEMENT_STIFFNESS = 6
-ELEMENT_TENSION = 7
-N_NODE_FIELDS = 8
+TENSION = 2
+N_NODE_FIELDS = 3
+
+# Rows of the scratch block, which a step fills before it reads them: one serves all blocks in turn, so that
+# it stays in the cache.
+OLD_BOOM_TIP = 0
+OLD_BOOM_TIP_RATE = 1
+NEW_BOOM_TIP = 2
+NEW_BOOM_TIP_RATE = 3
+SHEAVE_OLD = 4
+SHEAVE_NEW = 5
+SHEAVE_RATE_OLD = 6
+SHEAVE_RATE_NEW = 7
+WINCH_OLD = 8
+WINCH_RATE_START = 9
+LENGTH_OLD = 10
+LENGTH_SPEED = 11
+STEP_WORK = 12
+STEP_SUPPLY = 13
+ACTING_COMMAND = 14
+BOOM_TIP_BELOW = 15
+COMPENSATOR_OLD = 16
+FIRST_TRIAL = 17
+FIRST_GAP = 18
+CONVECTION = 19
+NODE_MASS = 20
+NODE_DRAG = 21
+NODE_WEIGHT = 22
+PER_OLD_SPACING = 23
+PER_MID_SPACING = 24
+RELAXING_SHARE = 25
+LINEAR_GAP = 26
+WINCH_GAP = 27
+SHOWN = 28
+N_SCRATCH = 29
+
+# Fields of a node in the scratch block; what is called tension and stiffness belongs to the element below.
+SUPER = 0
+INCREMENT = 1
+TRIAL_VELOCITY = 2
+ELEMENT_STIFFNESS = 3
+ELEMENT_TENSION = 4
+N_WORK_FIELDS = 5
