@@ -245,7 +245,11 @@ def load_policy(
         raise ValueError(
             f"policy {str(path)!r} lacks or misnames {error}; it is of another format"
         ) from error
-    if scenario is None or _same_operation(seen_by(policy, scenario), policy.scenario):
+    # On a variant of the scenario that it was trained in the policy sees and commands the same.
+    if scenario is None or any(
+        _same_operation(seen_by(policy, known), policy.scenario)
+        for known in (scenario.design_basis, scenario)
+    ):
         return policy
     if not allow_other_scenario:
         raise ValueError(

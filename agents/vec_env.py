@@ -12,7 +12,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
-from heave_env.env import HeaveVectorEnv
+from heave_env.env import HeaveVectorEnv, StepInfo
 from heave_env.scenarios import Scenario
 
 
@@ -53,13 +53,15 @@ class HeaveVecEnv(VecEnv):
             )
         self.env = env
         self._actions: np.ndarray | None = None
+        self._names: frozenset[str] = frozenset()
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
     def reset(self) -> np.ndarray:
         """Begins an episode in every row and returns the observations."""
         seeds = None if self._seeds[0] is None else [int(seed) for seed in self._seeds if seed is not None]
         observation, info = self.env.reset(seed=seeds, options=self._options[0] or None)
-        self.reset_infos = _info_rows(info, self.num_envs)
+        self._names = frozenset(key for key in info if not key.startswith("_"))
+        self.reset_infos = self._info_rows(info)
         self._reset_seeds()
         self._reset_options()
         return observation
@@ -72,8 +74,8 @@ class HeaveVecEnv(VecEnv):
         """Steps the batch; rewards are float32, as Stable-Baselines3's buffers are."""
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
         done = terminated | truncated
-        infos = _info_rows(info, self.num_envs)
-        if done.any():
+        infos = self._info_rows(info)
+        if np.count_nonzero(done):
             final = info.get("final_info", {})
             for row in np.flatnonzero(done):
                 infos[row] = _info_row(final, int(row))
@@ -120,6 +122,14 @@ class HeaveVecEnv(VecEnv):
             return [None] * self.num_envs
         return list(frames)
 
+    def _info_rows(self, info: dict[str, Any]) -> list[dict[str, Any]]:
+        """A fresh dictionary per row; Stable-Baselines3 writes into them."""
+        names = self._names
+        if not names:
+            return [{} for _ in range(self.num_envs)]
+        diverged = info["diverged"].tolist()
+        return [StepInfo(value, names, _info_row, info, row) for row, value in enumerate(diverged)]
+
 
 def _info_row(info: dict[str, Any], row: int) -> dict[str, Any]:
     """One row of a dictionary of arrays, as plain numbers; absent entries are left out."""
@@ -136,19 +146,6 @@ class _All:
 
 
 _ALL = _All()
-
-
-def _info_rows(info: dict[str, Any], n_rows: int) -> list[dict[str, Any]]:
-    """A fresh dictionary per row; Stable-Baselines3 writes into them."""
-    rows: list[dict[str, Any]] = [{} for _ in range(n_rows)]
-    for key, values in info.items():
-        if key.startswith("_") or key in ("final_obs", "final_info"):
-            continue
-        present = info.get(f"_{key}")
-        for row, value in enumerate(values.tolist() if isinstance(values, np.ndarray) else values):
-            if present is None or present[row]:
-                rows[row][key] = value
-    return rows
 
 
 _OUTLIER = 20.0  # times the median; a squared Gaussian is beyond once in 400 draws

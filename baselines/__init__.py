@@ -60,7 +60,7 @@ def design(name: str, scenario: Scenario, **options: Any) -> Any:
 
     Args:
         name: One of `CONTROLLERS`.
-        scenario: The operation it is for.
+        scenario: The operation it is for; of a variant, what it is nominally (`Scenario.design_basis`).
         options: What that design offers, such as `design="continuous"`, or a `command_weight` that is not to
             be tuned (see `baselines.tuning`).
 
@@ -74,6 +74,7 @@ def design(name: str, scenario: Scenario, **options: Any) -> Any:
         return NoControl()
     if name not in DESIGNERS:
         raise ValueError(f"unknown controller {name!r}; known: {', '.join(CONTROLLERS)}")
+    scenario = scenario.design_basis
     if name not in TUNED:
         return DESIGNERS[name](scenario, **options)
     return tuned(name, DESIGNERS[name], scenario, **options)

@@ -41,11 +41,13 @@ def optimal_cost(scenario: Scenario) -> float | None:
 
     Returns:
         J by the trace formula [-], or None where it is not proven: the plant is more than the linear model
-        (a cable, limits, a second-order winch, sensors that err otherwise than by noise, drawn parameters),
-        the sea is no shaping filter, or the command range is below `RANGE_MARGIN` standard deviations of the
-        optimal command.
+        (a cable, limits, sensors that err otherwise than by noise, drawn parameters),
+        the sea is no shaping filter, the winch's work has a price, or the command range is below
+        `RANGE_MARGIN` standard deviations of the optimal command.
     """
     if not plant_is_model(scenario) or scenario.sea_state.kind != "shaping_filter":
+        return None
+    if scenario.task.energy_weight > 0.0:
         return None
     best = lqg(scenario)
     assert best.performance is not None
@@ -90,6 +92,9 @@ def causal_bound(scenario: Scenario) -> CausalBound | None:
     model = continuous_model(scenario)
     # Stretched to states of unit variance the exponential keeps its digits.
     size = np.sqrt(np.maximum(np.diag(model.covariance()), 1e-300))
+    # The winch stands still.
     size[2] = 1.0
+    if scenario.winch.is_second_order:
+        size[-1] = 1.0
     _, gathered = discretised_noise(model.A * size / size[:, None], model.noise / size[:, None] / size, h)
     return CausalBound(h, sheave, float(size[0] * math.sqrt(max(gathered[0, 0], 0.0))))

@@ -3,7 +3,7 @@
 The whole episode is one quadratic programme, its unknowns payload, winch and rate at every control instant,
 with the boom tip's true motion as the plant's seed makes it:
 
-    minimise    sum q x_{k+1}^2 + r u0_k^2
+    minimise    sum q x_{k+1}^2 + r u0_k^2 + e |v_k|
     subject to  the payload's and the winch's equations of motion, and the limits of speed, acceleration,
                 stroke and command range.
 
@@ -114,10 +114,21 @@ def _stage_costs(scenario: Scenario, start: Array, drive: Array) -> Array:
             *(limit + shift for limit, shift in zip(limits, shifts, strict=True)),
         ]
     )
-    q, r = scenario.task.position_weight, scenario.task.command_weight
+    q, r, e = scenario.task.position_weight, scenario.task.command_weight, scenario.task.energy_weight
     hessian = 2.0 * (sparse.kron(eye, np.diag([q, 0.0, 0.0, 0.0])) + r * command.T @ command)
     slope = 2.0 * r * (command.T @ first_command)
-    cones = [clarabel.ZeroConeT(3 * n), clarabel.NonnegativeConeT(2 * n * len(rows))]
+    n_bounds = 2 * n * len(rows)
+    if e > 0.0:
+        # Unknowns t >= |v| beside the motion, at the price e.
+        speed = sparse.kron(eye, rate)
+        absolute = sparse.vstack([sparse.hstack([speed, -eye]), sparse.hstack([-speed, -eye])])
+        nothing = sparse.csc_matrix((constraints.shape[0], n))
+        constraints = sparse.vstack([sparse.hstack([constraints, nothing]), absolute]).tocsc()
+        bounds = np.concatenate([bounds, np.zeros(2 * n)])
+        hessian = sparse.block_diag([hessian, sparse.csc_matrix((n, n))])
+        slope = np.concatenate([slope, np.full(n, e)])
+        n_bounds += 2 * n
+    cones = [clarabel.ZeroConeT(3 * n), clarabel.NonnegativeConeT(n_bounds)]
     settings = clarabel.DefaultSettings()
     settings.verbose = False
     solver = clarabel.DefaultSolver(sparse.triu(hessian).tocsc(), slope, constraints, bounds, cones, settings)
@@ -127,6 +138,6 @@ def _stage_costs(scenario: Scenario, start: Array, drive: Array) -> Array:
             f"the clairvoyant programme of scenario {scenario.name!r} was not solved ({found.status}); "
             "shorten the episode"
         )
-    x = np.asarray(found.x)
+    x = np.asarray(found.x)[: 4 * n]
     u0 = command @ x + first_command
-    return np.asarray(q * x[::4] ** 2 + r * u0**2)
+    return np.asarray(q * x[::4] ** 2 + r * u0**2 + e * np.abs(x[3::4]))

@@ -63,6 +63,11 @@ class PayloadFit:
         """Share of the response's variance that the model explains [-]."""
         return 1.0 - (self.residual_std / self.response_std) ** 2 if self.response_std > 0.0 else math.nan
 
+    @property
+    def payload(self) -> LinearPayload:
+        """The linear payload of the fit."""
+        return LinearPayload(inertia=self.inertia, damping=self.damping)
+
 
 @dataclass(frozen=True)
 class Response:
@@ -304,5 +309,4 @@ def identified(scenario: Scenario, *, nonlinear: bool = False) -> PayloadFit:
 
 def identified_payload(scenario: Scenario) -> LinearPayload:
     """The linear payload that stands for a scenario's cable in a design."""
-    fit = identified(scenario)
-    return LinearPayload(inertia=fit.inertia, damping=fit.damping)
+    return identified(scenario).payload

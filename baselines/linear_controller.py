@@ -69,11 +69,15 @@ class LinearController:
 
     model_is_plant: bool = True
     """Whether the linear model is the plant (`baselines.model.plant_is_model`)."""
+    cost_is_quadratic: bool = True
+    """Whether the task puts no price on the winch's work, |T v|."""
 
     @property
     def predicted_cost(self) -> float | None:
-        """J by theory [-]; None where the linear model is not the plant or the sea is calm."""
-        return self.performance.cost if self.performance is not None and self.model_is_plant else None
+        """J by theory [-]; None where the model is not the plant, the sea is calm or work has a price."""
+        if self.performance is None or not self.model_is_plant or not self.cost_is_quadratic:
+            return None
+        return self.performance.cost
 
     @property
     def predicted_payload_std(self) -> float | None:
@@ -193,6 +197,7 @@ def controller(
         performance=performance,
         command_weight=command_weight,
         model_is_plant=plant_is_model(scenario),
+        cost_is_quadratic=scenario.task.energy_weight == 0.0,
     )
 
 

@@ -398,7 +398,10 @@ def mpc_l1(
 
 
 def assumed_energy_weight(scenario: Scenario) -> float:
-    """Price of speed at which following the sea costs `ENERGY_SHARE` of the uncontrolled cost [s/m]."""
+    """The task's own price of speed; without one, that at which following the sea costs `ENERGY_SHARE` of the
+    uncontrolled cost [s/m]."""
+    if scenario.task.energy_weight > 0.0:
+        return scenario.task.energy_weight
     waves = sea_filter(scenario)
     if waves is None:
         return 0.0

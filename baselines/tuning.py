@@ -28,7 +28,7 @@ from baselines.identification import CALM_SEA
 from baselines.linear_controller import LinearController
 from baselines.lqg import lqg
 from baselines.model import nominal_sea
-from baselines.mpc import mpc
+from baselines.mpc import mpc, mpc_l1
 from heave_env.kernel import DIVERGED, LANDED, LOST
 from heave_env.plant import Plant
 from heave_env.scenarios import Scenario
@@ -44,7 +44,11 @@ CAUTION = 1.15
 then that with the largest doubt [-]: the least may lie on the brink of a limit cycle that other seas set off.
 A winch with limits has its weight on the speed against that, and the least is taken."""
 SPEED_FACTORS = (0.0, 0.1, 0.3, 1.0, 3.0)
-"""Weights of the winch's speed that are tried where it has limits, times the position weight [s²]."""
+"""Weights of the winch's speed that are tried where it has limits or its work a price, times the position
+weight [s²]."""
+ENERGY_FACTORS = (1.0, 1.5, 2.0)
+"""Multiples of the task's price of work that are tried for `mpc_l1` [-]: its estimate of the coming sea moves
+about, and what it would cost to follow that is more than the plan says."""
 WEIGHTS_WITH_SPEED = (1.0, 10.0, 100.0)
 """Multiples of the command weight that are tried with each [-]."""
 PREDICTIVE_WEIGHTS = ((1.0, 0.3), (1.0, 0.1), (1.0, 1.0), (10.0, 0.3), (1.0, 0.0))
@@ -63,8 +67,13 @@ _CACHE: dict[tuple[str, str, tuple[tuple[str, Any], ...]], dict[str, float]] = {
 
 
 def needs_tuning(scenario: Scenario) -> bool:
-    """Whether the plant is more than the linear model."""
-    return not scenario.is_linear or scenario.winch.is_limited or bool(scenario.uncertainty)
+    """Whether the plant is more than the linear model, or the cost more than quadratic."""
+    return (
+        not scenario.is_linear
+        or scenario.winch.is_limited
+        or bool(scenario.uncertainty)
+        or scenario.task.energy_weight > 0.0
+    )
 
 
 def tuning_scenario(scenario: Scenario) -> Scenario:
@@ -168,7 +177,11 @@ def _search(name: str, designer: Designer, scenario: Scenario, options: dict[str
     for factor in WEIGHT_FACTORS:
         for doubt in doubts:
             attempt(factor, 0.0, doubt)
-    if estimates and scenario.winch.is_limited and "speed_weight" not in options:
+    if (
+        estimates
+        and (scenario.winch.is_limited or scenario.task.energy_weight > 0.0)
+        and "speed_weight" not in options
+    ):
         doubt = best()[2]
         for speed in SPEED_FACTORS[1:]:
             for factor in WEIGHTS_WITH_SPEED:
@@ -187,8 +200,9 @@ def _search(name: str, designer: Designer, scenario: Scenario, options: dict[str
 
 
 def _predictive_weights(name: str, scenario: Scenario) -> dict[str, float]:
+    priced = scenario.task.energy_weight > 0.0
     if name == "mpc_l1":
-        return tuned_weights("mpc", mpc, scenario, {})
+        return _priced_weights(scenario) if priced else tuned_weights("mpc", mpc, scenario, {})
     of_filter = tuned_weights("lqg", lqg, scenario, {})
     if not scenario.winch.is_limited:
         return of_filter
@@ -200,6 +214,22 @@ def _predictive_weights(name: str, scenario: Scenario) -> dict[str, float]:
         cost = training_cost(operation, mpc(scenario, **trial), limit=least)
         if cost < least:
             least, chosen = cost, trial
+    return chosen
+
+
+def _priced_weights(scenario: Scenario) -> dict[str, float]:
+    """Weights of `mpc_l1` where the winch's work has a price."""
+    operation = tuning_scenario(scenario)
+    q, r, e = scenario.task.position_weight, scenario.task.command_weight, scenario.task.energy_weight
+    doubt = tuned_weights("lqg", lqg, scenario, {})["mismatch"]
+    least, chosen = math.inf, {"energy_weight": e}
+    for factor in ENERGY_FACTORS:
+        for command, speed in ((1.0, 0.0), (10.0, 0.0), (1.0, 0.1)):
+            trial = {"command_weight": command * r, "speed_weight": speed * q, "mismatch": doubt}
+            trial["energy_weight"] = factor * e
+            cost = training_cost(operation, mpc_l1(scenario, **trial), limit=least)
+            if cost < least:
+                least, chosen = cost, trial
     return chosen
 
 

@@ -20,6 +20,7 @@ from functools import cached_property
 import numpy as np
 
 from baselines.model import payload_model
+from heave_env.parameters import LinearPayload
 from heave_env.plant import linear_step
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
@@ -198,9 +199,12 @@ def winch_model(scenario: Scenario) -> WinchModel:
     )
 
 
-def payload_forcing(scenario: Scenario, count: int) -> Array:
-    """What a path of the drum over `count` solver steps adds to payload heave and rate, (4 count, 2)."""
-    transition, forcing = linear_step(payload_model(scenario), scenario.solver_dt)
+def payload_forcing(scenario: Scenario, count: int, payload: LinearPayload | None = None) -> Array:
+    """What a path of the drum over `count` solver steps adds to payload heave and rate, (4 count, 2).
+
+    Of the scenario's own payload model unless another is given.
+    """
+    transition, forcing = linear_step(payload or payload_model(scenario), scenario.solver_dt)
     parts: list[Array] = []
     for _ in range(count):
         parts = [transition @ part for part in parts] + [forcing]

@@ -38,6 +38,8 @@ class Metric:
     """Whether only a plant with a cable has it."""
     landing: bool = False
     """Whether only an operation that is to land has it."""
+    priced: bool = False
+    """Whether only a task that puts a price on the winch's work has it."""
 
 
 METRICS: dict[str, Metric] = {
@@ -62,9 +64,12 @@ METRICS: dict[str, Metric] = {
     ),
     "saturation_fraction": Metric("-", "share of steps in which a winch limit or the command range bit"),
     "safety_cost": Metric("-", "mean number of safety limits broken per step"),
-    "cost": Metric("-", "J, the mean of q x² + r u0² and of what a failure costs"),
+    "cost": Metric("-", "J, the mean of q x² + r u0² + e |T v| / T_s and of what a failure costs"),
     "position_cost": Metric("-", "the part q x² of J"),
     "command_cost": Metric("-", "the part r u0² of J"),
+    "energy_cost": Metric(
+        "-", "the part e |T v| / T_s of J, where the winch's work has a price", priced=True
+    ),
 }
 """Metrics of a sea, in the order of the tables."""
 
@@ -75,7 +80,9 @@ def metric_names(scenario: Scenario) -> list[str]:
     return [
         name
         for name, metric in METRICS.items()
-        if not (metric.cable and scenario.is_linear) and (lands or not metric.landing)
+        if not (metric.cable and scenario.is_linear)
+        and (lands or not metric.landing)
+        and (scenario.task.energy_weight > 0.0 or not metric.priced)
     ]
 
 
@@ -183,6 +190,8 @@ def scores(trajectory: Trajectory, part: Window, locked: Trajectory | None = Non
             "slack_fraction": _mean(_masked(trajectory.steps["slack"][steps], valid)),
             "touch_down_speed": touch_down_speed(trajectory),
         }
+    if "energy_cost" in trajectory.steps:
+        row["energy_cost"] = _mean(_masked(trajectory.steps["energy_cost"][steps], valid))
     return row | {
         "saturation_fraction": _mean(_masked(trajectory.steps["saturated"][steps], valid)),
         "safety_cost": _mean(_masked(trajectory.steps["cost"][steps], valid)),
@@ -222,6 +231,8 @@ def mean_cost(trajectory: Trajectory, part: Window) -> Array:
         (n_seas,) [-]; NaN where a landing left nothing to score.
     """
     stage = trajectory.steps["position_cost"] + trajectory.steps["command_cost"]
+    if "energy_cost" in trajectory.steps:
+        stage = stage + trajectory.steps["energy_cost"]
     charge = trajectory.steps["failure_cost"].sum(axis=0)
     failed = charge > 0.0
     forfeited = np.maximum(trajectory.n_steps - trajectory.n_valid, 1)

@@ -53,6 +53,8 @@ CABLE_STEP_CHANNELS: dict[str, str] = {
     "supply_power": "W",
 }
 """Channels of a control step that only a plant with a cable has."""
+PRICED_STEP_CHANNELS: dict[str, str] = {"energy_cost": "-"}
+"""Channels of a control step that only a task has that puts a price on the winch's work."""
 OUTCOMES = ("diverged", "lost", "landed")
 """How an episode can end before its time."""
 
@@ -137,6 +139,7 @@ def batches(scenario: Scenario, seeds: Sequence[int]) -> Iterator[tuple[int, ...
     """The seeds in order, in batches whose channels fit into `MEMORY_LIMIT`."""
     n_channels = len(STATE_CHANNELS) + len(STEP_CHANNELS)
     n_channels += 0 if scenario.is_linear else len(CABLE_STATE_CHANNELS) + len(CABLE_STEP_CHANNELS)
+    n_channels += len(PRICED_STEP_CHANNELS)
     size = max(1, MEMORY_LIMIT // (8 * n_channels * (scenario.n_steps + 1)))
     for start in range(0, len(seeds), size):
         yield tuple(seeds[start : start + size])
@@ -194,6 +197,8 @@ def _recorded(
     n_steps, n_seas = scenario.n_steps, len(seeds)
     state_names = [*STATE_CHANNELS, *({} if scenario.is_linear else CABLE_STATE_CHANNELS)]
     step_names = [*STEP_CHANNELS, *({} if scenario.is_linear else CABLE_STEP_CHANNELS)]
+    if scenario.task.energy_weight > 0.0:
+        step_names += PRICED_STEP_CHANNELS
     states = {name: np.empty((n_steps + 1, n_seas)) for name in state_names}
     steps = {name: np.zeros((n_steps, n_seas)) for name in step_names}
     outcomes = {name: np.zeros(n_seas, dtype=bool) for name in OUTCOMES}

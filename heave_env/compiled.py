@@ -3,9 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import multiprocessing
+import sys
+from collections.abc import Iterable
 from pathlib import Path
+from typing import Any
 
 from numba import njit
+from numba.core import event
 
 # IEEE division and no reassociation: the same operations in the same order in every variant, so a row
 # has the same bits alone and in a batch. Stages are inlined into the kernel that calls them.
@@ -37,3 +42,43 @@ def source_fingerprint() -> int:
     for name in _STAGE_FILES:
         digest.update((Path(__file__).parent / name).read_bytes())
     return int.from_bytes(digest.digest()[:7], "big")
+
+
+class _Notices(event.Listener):
+    """Says on stderr what is being compiled; numba tells of it only when no cache had it."""
+
+    def __init__(self) -> None:
+        self.names: dict[int, str] = {}
+        self._said: set[tuple[str, Any]] = set()
+
+    def on_start(self, event: Any) -> None:
+        name = self.names.get(id(event.data["dispatcher"]))
+        # Workers of a vector environment would each say it.
+        if name is None or multiprocessing.parent_process() is not None:
+            return
+        precision = getattr(event.data["args"][0], "dtype", "any number")
+        if (name, precision) not in self._said:
+            self._said.add((name, precision))
+            print(
+                f"heave_env: compiling {name} in {precision}, this once; it is kept on disk",
+                file=sys.stderr,
+                flush=True,
+            )
+
+    def on_end(self, event: Any) -> None:
+        pass
+
+
+_notices = _Notices()
+event.register("numba:compile", _notices)
+
+
+def announce_compilation(functions: Iterable[Any], name: str) -> None:
+    """Lets a line on stderr say when one of the compiled functions has to be compiled: once for all of them
+    together in each precision, of their first argument, and only if no cache has it.
+
+    Args:
+        functions: Functions compiled by numba, kept as long as the process lives.
+        name: What they are, with about how long it takes.
+    """
+    _notices.names |= {id(function): name for function in functions}

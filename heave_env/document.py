@@ -129,7 +129,23 @@ def with_value(parameters: Any, path: str, value: Any) -> Any:
     Raises:
         ValueError: If the path leads nowhere or the value is impossible.
     """
+    return with_values(parameters, {path: value})
+
+
+def with_values(parameters: Any, values: dict[str, Any]) -> Any:
+    """A copy with the values at several dotted paths replaced at once: only the whole must make sense.
+
+    Raises:
+        ValueError: If a path leads nowhere or a value is impossible.
+    """
     mapping = to_mapping(parameters)
+    owner = getattr(parameters, "name", None) or type(parameters).__name__
+    for path, value in values.items():
+        _replace(mapping, path, value, owner)
+    return from_mapping(type(parameters), mapping)
+
+
+def _replace(mapping: dict[str, Any], path: str, value: Any, owner: str) -> None:
     keys = path.split(".")
     place: Any = mapping
     for depth, key in enumerate(keys):
@@ -140,7 +156,6 @@ def with_value(parameters: Any, path: str, value: Any) -> Any:
         if depth < len(keys) - 1:
             place = entries[key]
             if place is None:
-                owner = getattr(parameters, "name", None) or type(parameters).__name__
                 raise ValueError(f"cannot set {path!r}: {key!r} is null in {owner!r}")
         elif isinstance(place, dict):
             place[key] = value
@@ -149,7 +164,24 @@ def with_value(parameters: Any, path: str, value: Any) -> Any:
             raise ValueError(f"{path!r} names a whole entry; name one of its values, as {path}.{example}")
         else:
             place[int(key)] = value
-    return from_mapping(type(parameters), mapping)
+
+
+def differences(one: Any, other: Any, path: str = "") -> dict[str, Any]:
+    """The values of one mapping, by dotted path, that are not those of another of the same structure.
+
+    Raises:
+        ValueError: If a part is null, or a list longer, in one of them alone.
+    """
+    if isinstance(one, list) and isinstance(other, list) and [*map(type, one)] == [*map(type, other)]:
+        one, other = ({str(i): item for i, item in enumerate(items)} for items in (one, other))
+    if isinstance(one, dict) and isinstance(other, dict) and one.keys() == other.keys():
+        found: dict[str, Any] = {}
+        for key, value in one.items():
+            found |= differences(value, other[key], f"{path}.{key}" if path else key)
+        return found
+    if isinstance(one, (dict, list)) or isinstance(other, (dict, list)):
+        raise ValueError(f"{path!r} is given in one of two scenarios alone; give it in both or in none")
+    return {} if one == other else {path: one}
 
 
 def put(mapping: dict[str, Any], path: str, value: Any) -> None:

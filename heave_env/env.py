@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from collections.abc import Sequence
+from collections.abc import Callable, Container, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -75,6 +75,88 @@ def checked_actions(actions: Any, shape: tuple[int, ...]) -> Array:
     if not np.isfinite(array).all():
         raise ValueError(f"action must be finite numbers in [-1, 1], got {array[~np.isfinite(array)][0]}")
     return array
+
+
+class StepInfo(dict[str, Any]):
+    """The info of a step: a dictionary whose entries are made when first asked for.
+
+    What they are made of was copied in the step itself, so an info may be kept, changed and pickled (it
+    becomes a plain dictionary) like any other. Most are thrown away unread, and cost next to nothing.
+    """
+
+    __slots__ = ("_arguments", "_known", "_make")
+
+    def __init__(
+        self, diverged: Any, known: Container[str], make: Callable[..., dict[str, Any]], *arguments: Any
+    ) -> None:
+        """Says how the entries are made.
+
+        Args:
+            diverged: The entry of this name, there from the start: some code (json) asks a dictionary for
+                nothing but its size, and must not find it empty.
+            known: Names of all entries.
+            make: Makes the entries of `arguments`.
+            *arguments: What it makes them of, this step's own.
+        """
+        self["diverged"] = diverged
+        self._known, self._make = known, make
+        self._arguments: tuple[Any, ...] | None = arguments
+
+    def _fill(self) -> None:
+        arguments, self._arguments = self._arguments, None
+        if arguments is not None:
+            made = self._make(*arguments)
+            made.update(self)
+            dict.clear(self)
+            dict.update(self, made)
+
+    def __missing__(self, key: str) -> Any:
+        if self._arguments is None or key not in self._known:
+            raise KeyError(key)
+        self._fill()
+        return dict.__getitem__(self, key)
+
+    def get(self, key: str, default: Any = None) -> Any:
+        """The entry, or the default."""
+        try:
+            return self[key]
+        except KeyError:
+            return default
+
+    def __contains__(self, key: object) -> bool:
+        return dict.__contains__(self, key) or (self._arguments is not None and key in self._known)
+
+    def __eq__(self, other: object) -> bool:
+        self._fill()
+        if isinstance(other, StepInfo):
+            other._fill()
+        return dict.__eq__(self, other)
+
+    __hash__ = None
+
+    def __ne__(self, other: object) -> bool:
+        return not self == other
+
+    def __reduce__(self) -> tuple[Any, ...]:
+        return dict, (dict(self),)
+
+
+def _after_filling(name: str) -> Callable[..., Any]:
+    method = getattr(dict, name)
+
+    def call(self: StepInfo, *arguments: Any, **options: Any) -> Any:
+        self._fill()
+        return method(self, *arguments, **options)
+
+    call.__name__, call.__doc__ = name, method.__doc__
+    return call
+
+
+for _name in (
+    *("__iter__", "__len__", "__reversed__", "__repr__", "__delitem__", "__or__", "__ror__", "__ior__"),
+    *("keys", "values", "items", "copy", "clear", "pop", "popitem", "setdefault", "update"),
+):
+    setattr(StepInfo, _name, _after_filling(_name))
 
 
 class _Traces:
@@ -189,7 +271,7 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
             num_envs,
             dtype=dtype,
             n_steps=max_episode_steps,
-            show_channels=info,
+            show_channels=False,
             n_threads=n_threads,
         )
         self.num_envs = self.plant.n_envs
@@ -205,7 +287,12 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._info = info
         self._columns = [(name, CHANNEL_NAMES.index(name)) for name in channel_names(self.scenario)]
+        names = [name for name, _ in (*self._columns, *_FATES)]
+        self._known = frozenset([*names, *("_" + name for name in names)])
+        self._commands = np.zeros(self.num_envs)
         self._finished = np.zeros(self.num_envs, dtype=np.bool_)
+        self._is_finished = False  # any row
+        self._until_clock = 0  # steps in which no row can reach the end of its episode
         self._seeded = False
         self._begun = False
         drawn = {None: 0, "human": 1}.get(render_mode, self.num_envs)
@@ -234,7 +321,7 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
         seeds = self._seeds(seed)
         self.plant.begin(mask, seeds)
         self._begun = True
-        self._finished &= ~mask
+        self._note_finished(self._finished & ~mask)
         for row, traces in enumerate(self._traces):
             if mask[row]:
                 traces.restart()
@@ -250,37 +337,50 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
         Raises:
             ValueError: If the actions have another shape or a number is missing.
         """
-        actions = checked_actions(actions, (self.num_envs, 1))
+        self._take(actions)
         if not self._begun:
             raise gym.error.ResetNeeded("call reset() before step()")
-        waiting = self._finished
-        if self.autoreset_mode == AutoresetMode.DISABLED and waiting.any():
+        if self._is_finished and self.autoreset_mode == AutoresetMode.DISABLED:
             raise AssertionError(
-                f"row {int(np.argmax(waiting))} has finished its episode: reset it with options="
+                f"row {int(np.argmax(self._finished))} has finished its episode: reset it with options="
                 "{'reset_mask': ...} before stepping on"
             )
         plant = self.plant
-        plant.advance(actions[:, 0])
+        plant.advance(self._commands)
         reward = plant.reward.copy()
+        self._until_clock -= 1
+        if self._is_finished or self._until_clock < 0 or np.count_nonzero(plant.outcome):
+            return self._step_with_ends(reward)
+        # The usual step: all rows go on.
+        if self._traces:
+            for traces in self._traces:
+                traces.record()
+            self._show_human()
+        shape = self.num_envs
+        terminated, truncated = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
+        return plant.observation.copy(), reward, terminated, truncated, self._infos(None)
+
+    def _step_with_ends(self, reward: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
+        """The rest of a step in which rows end, or begin anew."""
+        plant, waiting = self.plant, self._finished
         terminated = plant.outcome != RUNNING
         truncated = (plant.steps() >= plant.n_steps) & ~terminated
-        fate = plant.outcome
-        if waiting.any():
+        fate = plant.outcome.copy()
+        if self._is_finished:
             # NEXT_STEP: rows that finished in the step before begin anew; their action did nothing.
             reward[waiting] = 0.0
             terminated &= ~waiting
             truncated &= ~waiting
-            fate = np.where(waiting, RUNNING, fate)
+            fate[waiting] = RUNNING
             plant.begin(waiting)
-        self._finished = terminated | truncated
-        restarted = waiting
+        restarted, finished = waiting, terminated | truncated
         final: dict[str, Any] = {}
-        if self.autoreset_mode == AutoresetMode.SAME_STEP and self._finished.any():
-            restarted = self._finished
+        if self.autoreset_mode == AutoresetMode.SAME_STEP and finished.any():
+            restarted, finished = finished, np.zeros(self.num_envs, dtype=np.bool_)
             final = self._final(restarted, fate)
             plant.begin(restarted)
-            fate = np.where(restarted, RUNNING, fate)
-            self._finished = np.zeros(self.num_envs, dtype=np.bool_)
+            fate[restarted] = RUNNING
+        self._note_finished(finished)
         for row, traces in enumerate(self._traces):
             if restarted[row]:
                 traces.restart()
@@ -311,7 +411,7 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
     def reset_rows(self, mask: Array) -> Array:
         """Begins the next episode of the masked rows at once, and returns all observations."""
         self.plant.begin(self._checked_mask(mask))
-        self._finished &= ~mask
+        self._note_finished(self._finished & ~mask)
         return self.plant.observation.copy()
 
     def get_state(self) -> dict[str, Array]:
@@ -329,7 +429,7 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
             ValueError: If the state is of another scenario, batch or precision.
         """
         self.plant.set_state(state)
-        self._finished = np.array(state["finished"], dtype=np.bool_)
+        self._note_finished(np.array(state["finished"], dtype=np.bool_))
         self._seeded = bool(state["seeded"])
         self._begun = True
 
@@ -365,13 +465,33 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
         self._seeded = True
         return np.array(seeds, dtype=np.uint64)
 
+    def _take(self, actions: Any) -> None:
+        """Keeps the actions as float64, (num_envs,), once they are known to be good."""
+        taken = self._commands
+        if type(actions) is np.ndarray and actions.dtype.kind == "f" and actions.shape == (self.num_envs, 1):
+            taken[:] = actions[:, 0]
+            # One number tells whether all are finite; squares that overflow are looked at below.
+            if math.isfinite(taken.dot(taken)):
+                return
+        taken[:] = checked_actions(actions, (self.num_envs, 1))[:, 0]
+
+    def _note_finished(self, finished: Array) -> None:
+        """Keeps which rows have finished, and how long the clock ends no other row."""
+        self._finished, self._is_finished = finished, bool(finished.any())
+        self._until_clock = self.plant.n_steps - 1 - int(self.plant.steps().max())
+
     def _infos(self, fate: Array | None) -> dict[str, Any]:
         if not self._info:
             return {}
+        diverged = np.zeros(self.num_envs) if fate is None else (fate == DIVERGED).astype(np.float64)
+        return StepInfo(diverged, self._known, self._made_info, self.plant.channel_block(), fate)
+
+    def _made_info(self, block: Array, fate: Array | None) -> dict[str, Any]:
         mask = np.ones(self.num_envs, dtype=np.bool_)
+        values = self.plant.channel_rows(block)
         info: dict[str, Any] = {}
         for name, column in self._columns:
-            info[name] = self.plant.channels[:, column].copy()
+            info[name] = values[column]
             info["_" + name] = mask
         for name, code in _FATES:
             info[name] = np.zeros(self.num_envs) if fate is None else (fate == code).astype(np.float64)
@@ -429,18 +549,20 @@ class HeaveEnv(gym.Env):
         """
         _check_render_mode(render_mode)
         self.scenario = chosen_scenario(scenario, information_set, overrides)
-        self.plant = Plant(self.scenario, 1, dtype=dtype)
+        self.plant = Plant(self.scenario, 1, dtype=dtype, show_channels=False)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / self.scenario.control_dt))}
         self.observation_space = observation_space(self.scenario)
         self.action_space = action_space()
         self._info = info
         self._columns = [(name, CHANNEL_NAMES.index(name)) for name in channel_names(self.scenario)]
+        self._known = frozenset(name for name, _ in (*self._columns, *_FATES))
         self._every = np.ones(1, dtype=np.bool_)
         self._steps = 0
         self._seeded = False
         self._finished = True
         self._action = np.empty(1)
+        self._observation = self.plant.observation[0]
         self._traces = _Traces(self.plant, 0) if render_mode is not None else None
         self._window: HumanWindow | None = None
 
@@ -459,7 +581,7 @@ class HeaveEnv(gym.Env):
         if self._traces is not None:
             self._traces.restart()
             self._show_human()
-        return self.plant.observation[0].copy(), self._infos(RUNNING)
+        return self._observation.copy(), self._infos(RUNNING)
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Advances by one control step under an action of shape (1,).
@@ -470,22 +592,24 @@ class HeaveEnv(gym.Env):
         if self._finished:
             raise gym.error.ResetNeeded("the episode has not begun, or is over: call reset() before step()")
         # The usual action takes the short way: checking one number with array functions costs microseconds.
-        usual = isinstance(action, np.ndarray) and action.shape == (1,)
-        value = action.item() if usual else checked_actions(action, (1,)).item()
+        if type(action) is np.ndarray and action.shape == (1,):
+            value = action.item()
+        else:
+            value = checked_actions(action, (1,)).item()
         if not math.isfinite(value):
             raise ValueError(f"action must be finite numbers in [-1, 1], got {value}")
-        self._action[0] = value
-        plant = self.plant
-        plant.advance(self._action)
-        self._steps += 1
-        fate = int(plant.outcome[0])
+        plant, given = self.plant, self._action
+        given[0] = value
+        plant.advance(given)
+        self._steps = steps = self._steps + 1
+        fate = plant.outcome.item()
         terminated = fate != RUNNING
-        truncated = self._steps >= plant.n_steps and not terminated
+        truncated = steps >= plant.n_steps and not terminated
         self._finished = terminated or truncated
         if self._traces is not None:
             self._traces.record()
             self._show_human()
-        return plant.observation[0].copy(), float(plant.reward[0]), terminated, truncated, self._infos(fate)
+        return self._observation.copy(), plant.reward.item(), terminated, truncated, self._infos(fate)
 
     def render(self) -> Any:
         """A frame (uint8, (480, 640, 3)), a string for "ansi", or None for "human"."""
@@ -504,7 +628,11 @@ class HeaveEnv(gym.Env):
     def _infos(self, fate: int) -> dict[str, Any]:
         if not self._info:
             return {}
-        values = self.plant.channels[0].tolist()
+        diverged = 1.0 if fate == DIVERGED else 0.0
+        return StepInfo(diverged, self._known, self._made_info, self.plant.channel_block(), fate)
+
+    def _made_info(self, block: Array, fate: int) -> dict[str, Any]:
+        values = block.tolist()
         info = {name: values[column] for name, column in self._columns}
         for name, code in _FATES:
             info[name] = 1.0 if fate == code else 0.0

@@ -48,6 +48,8 @@ from heave_env.layout import (
     DISPLACEMENT,
     DIVERGENCE_LIMIT,
     ELEMENT_STIFFNESS,
+    ENERGY_COST,
+    ENERGY_WEIGHT,
     FAILURE_COST,
     FAILURE_RATE,
     FIRST_GAP,
@@ -92,6 +94,7 @@ from heave_env.layout import (
     SHEAVE_TENSION,
     SLACK,
     SPEED_LIMIT,
+    STEP_MOVED,
     STEP_SUPPLY,
     STEP_WORK,
     STROKE_LIMIT,
@@ -172,8 +175,10 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     AT_SENSOR_ERRORS,
     HAS_COMPENSATOR,
     HOOKEAN,
+    CHARGES_ENERGY,
+    N_SHOWN_PENDING,
     N_CONFIGURATION,
-) = range(46)
+) = range(48)
 # Behind these follow, sensor by sensor, channel row and delay, and then the history lags.
 
 # Whole-number state of a row.
@@ -468,6 +473,7 @@ def _cable_substep(S, cfg, dt, n_lanes):
         work = S[SHEAVE_TENSION, lane] * hauled
         share = S[SUPPLY_PER_WORK, lane] if work > real(0.0) else S[RETURNED_SHARE, lane]
         S[STEP_WORK, lane] += work
+        S[STEP_MOVED, lane] += abs(work)
         S[STEP_SUPPLY, lane] += work * share
         if cfg[HAS_COMPENSATOR] == 1:
             S[SHEAVE_NEW, lane] = S[BOOM_TIP_BELOW, lane]
@@ -489,6 +495,7 @@ def _linear_substep(S, n_lanes):
         forced_rate = S[g + 4, lane] * z0 + S[g + 5, lane] * r0 + S[g + 6, lane] * z1 + S[g + 7, lane] * r1
         S[PAYLOAD_HEAVE, lane] = S[m, lane] * x + S[m + 1, lane] * v + forced
         S[PAYLOAD_HEAVE_RATE, lane] = S[m + 2, lane] * x + S[m + 3, lane] * v + forced_rate
+        S[STEP_MOVED, lane] += abs(S[WINCH_DISPLACEMENT, lane] - S[WINCH_OLD, lane])
 
 
 @stage
@@ -623,7 +630,7 @@ def _observe(S, cfg, position, block, n_envs, observation, first_lane, last_lane
             observation[row, column] = S[cfg[ROW_DRAWS] + i, lane]
             column += 1
         commands = cfg[N_PENDING] + 1
-        for i in range(cfg[N_PENDING]):
+        for i in range(cfg[N_SHOWN_PENDING]):
             place = cfg[ROW_COMMANDS] + (position - 1 - i) % commands
             observation[row, column] = S[place, lane] / S[COMMAND_RANGE, lane]
             column += 1
@@ -661,10 +668,15 @@ def _charge(S, I, cfg, block, n_envs, reward, outcome, n_lanes):
         S[POSITION_COST, lane] = S[POSITION_WEIGHT, lane] * x * x
         S[COMMAND_COST, lane] = S[COMMAND_WEIGHT, lane] * u0 * u0
         S[FAILURE_COST, lane] = S[FAILURE_RATE, lane] * remaining if failed else zero
+        if cfg[CHARGES_ENERGY] == 1:
+            moved = zero if fate == DIVERGED else S[STEP_MOVED, lane]
+            S[ENERGY_COST, lane] = S[ENERGY_WEIGHT, lane] * moved
         S[SAFETY_COST, lane] = unsafe
         row = block * n_lanes + lane
         if row < n_envs:
             total = S[POSITION_COST, lane] + S[COMMAND_COST, lane] + S[FAILURE_COST, lane]
+            if cfg[CHARGES_ENERGY] == 1:
+                total += S[ENERGY_COST, lane]
             reward[row] = -np.float64(total)
             outcome[row] = fate
 
@@ -736,6 +748,7 @@ def _make(n_lanes: int, fingerprint: int):
                 S[TENSION_MIN, lane], S[TENSION_MAX, lane] = real(np.inf), real(-np.inf)
                 S[STEP_WORK, lane] = zero
                 S[STEP_SUPPLY, lane] = zero
+                S[STEP_MOVED, lane] = zero
             if cfg[SEA_KIND] == FILTERED:
                 _filter_step(S, I, cfg, tables, n_lanes)
             elif cfg[SEA_KIND] == SINUSOIDS:

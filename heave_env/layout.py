@@ -32,6 +32,7 @@ WINCH_POWER = 19
 SUPPLY_POWER = 20
 COMPENSATOR_DISPLACEMENT = 21
 COMPENSATOR_RATE = 22
+ENERGY_COST = 23
 
 CHANNEL_NAMES = (
     "payload_heave",
@@ -57,66 +58,69 @@ CHANNEL_NAMES = (
     "supply_power",
     "compensator_displacement",
     "compensator_rate",
+    "energy_cost",
 )
 N_CHANNELS = len(CHANNEL_NAMES)
 
 # Parameters of the row: plain numbers, or quantities that follow from them once and for all.
-CABLE_STIFFNESS = 23
-CABLE_DAMPING = 24
-CABLE_INERTIA = 25
-CABLE_WEIGHT = 26
-CABLE_DRAG = 27
-PAYLOAD_INERTIA = 28
-PAYLOAD_WEIGHT = 29
-PAYLOAD_DRAG = 30
-BREAKING_STRENGTH = 31
-INITIAL_LENGTH = 32
-WINCH_RATE_CONSTANT = 33
-WINCH_DECAY = 34
-STROKE_LIMIT = 35
-SPEED_LIMIT = 36
-ACCELERATION_LIMIT = 37
-COMMAND_RANGE = 38
-POSITION_WEIGHT = 39
-COMMAND_WEIGHT = 40
-FAILURE_RATE = 41
-TENSION_LIMIT = 42
-LANDING_DEPTH = 43
-DIVERGENCE_LIMIT = 44
+CABLE_STIFFNESS = 24
+CABLE_DAMPING = 25
+CABLE_INERTIA = 26
+CABLE_WEIGHT = 27
+CABLE_DRAG = 28
+PAYLOAD_INERTIA = 29
+PAYLOAD_WEIGHT = 30
+PAYLOAD_DRAG = 31
+BREAKING_STRENGTH = 32
+INITIAL_LENGTH = 33
+WINCH_RATE_CONSTANT = 34
+WINCH_DECAY = 35
+STROKE_LIMIT = 36
+SPEED_LIMIT = 37
+ACCELERATION_LIMIT = 38
+COMMAND_RANGE = 39
+POSITION_WEIGHT = 40
+COMMAND_WEIGHT = 41
+FAILURE_RATE = 42
+TENSION_LIMIT = 43
+LANDING_DEPTH = 44
+DIVERGENCE_LIMIT = 45
 # Linear payload over a solver step: two states to two states, then four numbers of the sheave's
 # motion (heave and rate at either end) to two states.
-LINEAR_TRANSITION = 45
-LINEAR_INPUT = 49
-PAY_OUT_SPEED = 57
-PAY_OUT_START = 58
-PAY_OUT_TIME = 59
-PAY_OUT_RAMP = 60
+LINEAR_TRANSITION = 46
+LINEAR_INPUT = 50
+PAY_OUT_SPEED = 58
+PAY_OUT_START = 59
+PAY_OUT_TIME = 60
+PAY_OUT_RAMP = 61
 # Second-order drive over a solver step: error and rate to error and rate.
-WINCH_TRANSITION = 61
-DEAD_BAND = 65
-COMMAND_STEP = 66
-POWER_LIMIT = 67
-TORQUE_LIMIT = 68
-DRUM_RADIUS = 69
-DRUM_INERTIA = 70
-SUPPLY_PER_WORK = 71
-RETURNED_SHARE = 72
-OWN_DELAY = 73
-GAS_FORCE = 74
-GAS_LENGTH = 75
-GAS_EXPONENT = 76
-COMPENSATOR_DAMPING = 77
-COMPENSATOR_MASS = 78
-HALF_STROKE = 79
+WINCH_TRANSITION = 62
+DEAD_BAND = 66
+COMMAND_STEP = 67
+POWER_LIMIT = 68
+TORQUE_LIMIT = 69
+DRUM_RADIUS = 70
+DRUM_INERTIA = 71
+SUPPLY_PER_WORK = 72
+RETURNED_SHARE = 73
+OWN_DELAY = 74
+GAS_FORCE = 75
+GAS_LENGTH = 76
+GAS_EXPONENT = 77
+COMPENSATOR_DAMPING = 78
+COMPENSATOR_MASS = 79
+HALF_STROKE = 80
 
 # Of a rope beyond Hooke's law, whose stored energy over EA is e²/2 + QUADRATIC e³ + CUBIC e⁴.
-CABLE_QUADRATIC = 80
-CABLE_CUBIC = 81
-RELAXING_STIFFNESS = 82
-RELAXATION_RATE = 83
+CABLE_QUADRATIC = 81
+CABLE_CUBIC = 82
+RELAXING_STIFFNESS = 83
+RELAXATION_RATE = 84
 # The operation's pay-out rate, which is not a channel.
-PAYOUT_RATE = 84
-N_FIXED = 85
+PAYOUT_RATE = 85
+# Price of the winch's work whatever its sign, per metre moved (linear) or joule (cable).
+ENERGY_WEIGHT = 86
+N_FIXED = 87
 
 # Fields of a node; the node j stands at the rows from `nodes + N_NODE_FIELDS * j`. The tension is that of the
 # element below the node, mean over the last solver step.
@@ -156,7 +160,8 @@ RELAXING_SHARE = 25
 LINEAR_GAP = 26
 WINCH_GAP = 27
 SHOWN = 28
-N_SCRATCH = 29
+STEP_MOVED = 29
+N_SCRATCH = 30
 
 # Fields of a node in the scratch block; what is called tension and stiffness belongs to the element below.
 SUPER = 0

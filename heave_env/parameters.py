@@ -432,7 +432,7 @@ class Cable:
     """Tension at which the cable parts and the payload is lost [N]; null: never."""
     quadratic_hardening: float = 0.0
     """k2 of the rope's law T = EA (e + k2 e² + k3 e³) [-]; 0 is Hooke's. Of this and what follows the
-    environment and the axial solver know; other solvers refuse it."""
+    environment and the axial, planar, lumped-mass and static solvers know; others refuse it."""
     cubic_hardening: float = 0.0
     """k3 of the rope's law [-]."""
     relaxing_stiffness: float = 0.0

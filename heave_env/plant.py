@@ -17,6 +17,7 @@ from scipy.linalg import expm
 from heave_env import kernel as k
 from heave_env import layout as rows
 from heave_env.cable.axial import fill_parameters, n_cable_rows, node_rows
+from heave_env.compiled import announce_compilation
 from heave_env.parameters import LinearPayload, Winch
 from heave_env.scenarios import Scenario
 from heave_env.sea import read_motion, square_root
@@ -36,6 +37,9 @@ _SEA_KINDS = {
     "recorded": k.RECORDED,
 }
 DTYPES = ("float64", "float32")
+for _n_lanes, _kernel in k.KERNELS.items():
+    _of = "one environment" if _n_lanes == 1 else "a batch"
+    announce_compilation(_kernel, f"the plant's kernel for {_of} (about 15 s)")
 
 
 def cubic_coefficients(n_substeps: int, control_dt: float) -> Array:
@@ -182,6 +186,8 @@ class Plant:
         self.outcome = np.zeros(self.n_envs, dtype=np.int64)
         self.drawn = np.zeros((self.n_envs, len(scenario.uncertainty)))
         self.channels = np.zeros((self.n_envs if show_channels else 0, rows.N_CHANNELS))
+        shown = self._state[:, : rows.N_CHANNELS]
+        self._channel_rows = shown[0, :, 0] if self.n_lanes == 1 else shown
         self._position = 0
         self._buffers = (self._state, self._counters, self._cfg, self._tables, scenario.control_dt)
         self._shown = (self.observation, self.reward, self.outcome, self.channels)
@@ -211,7 +217,9 @@ class Plant:
         cfg[k.SECOND_ORDER_WINCH] = winch.is_second_order
         cfg[k.ACCELERATION_LIMITED] = winch.acceleration_limit is not None or winch.torque_limit is not None
         cfg[k.DELAY_SUBSTEPS] = scenario.delay_substeps
-        cfg[k.N_PENDING] = scenario.n_shown_pending
+        n_held = max(scenario.n_held_pending, scenario.n_shown_pending)
+        cfg[k.N_PENDING] = n_held
+        cfg[k.N_SHOWN_PENDING] = scenario.n_shown_pending
         cfg[k.SEA_VARIES] = bool(scenario.varies & {"sea_state", "vessel"}) and kind in (
             k.FILTERED,
             k.SINUSOIDS,
@@ -219,6 +227,7 @@ class Plant:
         cfg[k.SENSORS_VARY] = "sensors" in scenario.varies
         cfg[k.DELAY_VARIES] = any(draw.parameter == "winch.command_delay" for draw in scenario.uncertainty)
         cfg[k.HOOKEAN] = scenario.is_hookean
+        cfg[k.CHARGES_ENERGY] = scenario.task.energy_weight > 0.0
         cfg[k.HAS_COMPENSATOR] = scenario.compensator is not None
         cfg[k.SENSORS_ERR] = not all(sensor.is_plain for sensor in sensors)
         cfg[k.N_DRAWS] = len(scenario.uncertainty)
@@ -234,7 +243,7 @@ class Plant:
         for key, count in (
             (k.ROW_FILTER, 2 * n_filter + 4 * -(-n_filter // 4)),
             (k.ROW_COMPONENTS, 2 * int(cfg[k.N_COMPONENTS])),
-            (k.ROW_COMMANDS, scenario.n_shown_pending + 1),
+            (k.ROW_COMMANDS, n_held + 1),
             (k.ROW_SENSORS, int(cfg[k.SENSOR_RING]) * len(sensors)),
             (k.ROW_SEA, len(sea) if cfg[k.SEA_VARIES] else 0),
             (k.ROW_SENSOR_TABLE, 3 * len(sensors) if cfg[k.SENSORS_VARY] else 0),
@@ -318,6 +327,8 @@ class Plant:
         S[:, rows.COMMAND_RANGE] = winch.command_range
         S[:, rows.POSITION_WEIGHT] = task.position_weight
         S[:, rows.COMMAND_WEIGHT] = task.command_weight
+        per_force = 1.0 if scenario.is_linear else scenario.static_tension
+        S[:, rows.ENERGY_WEIGHT] = task.energy_weight / (per_force * scenario.control_dt)
         S[:, rows.TENSION_LIMIT] = limit(task.tension_limit)
         S[:, rows.LANDING_DEPTH] = limit(task.landing_depth)
         S[:, rows.OWN_DELAY] = scenario.delay_substeps
@@ -382,8 +393,9 @@ class Plant:
         own = self._state[block : block + 1, :, lane : lane + 1]
         self._fill_parameters(own, self.scenario.with_drawn(dict(zip(paths, values, strict=True))))
         first = self._cfg[k.ROW_DRAWS]
+        known = self.scenario.design_basis.uncertainty
         own[0, first : first + len(draws), 0] = [
-            draw.scaled(value) for draw, value in zip(draws, values, strict=True)
+            draw.scaled(value) for draw, value in zip(known, values, strict=True)
         ]
         self.drawn[row] = values
 
@@ -403,6 +415,15 @@ class Plant:
     def steps(self) -> Array:
         """Control steps that each row has made in its episode, (n_envs,)."""
         return self._counters[:, k.STEP, :].ravel()[: self.n_envs].astype(np.int64)
+
+    def channel_block(self) -> Array:
+        """A copy of all channels at this instant, as they lie; `channel_rows` puts it in order."""
+        return self._channel_rows.copy()
+
+    def channel_rows(self, block: Array) -> Array:
+        """The channels in a copy made by `channel_block`, (n_channels, n_envs), float64."""
+        blocks = block.reshape(self.n_blocks, rows.N_CHANNELS, self.n_lanes)
+        return blocks.transpose(1, 0, 2).reshape(rows.N_CHANNELS, -1)[:, : self.n_envs].astype(np.float64)
 
     def channel(self, name: str) -> Array:
         """A copy of one physical channel, (n_envs,), whether or not channels are shown."""
@@ -510,4 +531,6 @@ def channel_names(scenario: Scenario) -> list[str]:
     lacking = set(_CABLE_CHANNELS if scenario.is_linear else ())
     if scenario.compensator is None:
         lacking |= set(COMPENSATOR_CHANNELS)
+    if scenario.task.energy_weight == 0.0:
+        lacking.add("energy_cost")
     return [name for name in rows.CHANNEL_NAMES if name not in lacking]

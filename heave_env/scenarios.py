@@ -1,8 +1,9 @@
 """Named operations: parameters, solver, sensors, task and clock; to and from YAML.
 
 A scenario is data. `load("thesis_cable")` gives a named one, `read("mine.yaml")` a user's own, and
-`dataclasses.replace` or `with_value` a variant. Numbers of an operation are written here and nowhere
-else.
+`dataclasses.replace` or `with_value` one that differs, `load("thesis_cable@rougher")` a variant, on which
+what was designed or trained for `thesis_cable` acts unchanged. Numbers of an operation are written here
+and nowhere else.
 """
 
 from __future__ import annotations
@@ -51,6 +52,7 @@ from heave_env.sensors import (
 )
 from heave_env.spectra import modal_omega
 from heave_env.task import Task
+from heave_env.variants import VARIANTS, Nominal, NoSuchVariantError
 from heave_env.vessel import boom_tip_lines, boom_tip_size
 
 STARTS = ("hanging", "compensated")
@@ -76,6 +78,18 @@ NOT_DRAWN = (
     *SENSOR_ERRORS,
 )
 """Numbers of theirs that may not: they say how much there is, or what actions and observations mean."""
+NOMINAL_PARTS = (
+    *DRAWN_PARTS,
+    "vessel_table",
+    "uncertainty",
+    "task",
+    "n_elements",
+    "n_substeps",
+    "n_iterations",
+)
+"""Parts of a scenario of which the plant may be another than controllers know."""
+LAYOUT = ("command_range", "channel", "scale", "offset", "parameter")
+"""Values of theirs that say what actions and observations mean."""
 DEFAULT_HISTORY_LAGS = (0, 1, 2, 3, 4, 6, 8, 12, 16, 24, 32, 48)
 """Control steps back whose measurements `sensors_history` holds."""
 
@@ -134,16 +148,20 @@ class Scenario:
     task: Task
     uncertainty: tuple[Draw, ...] = ()
     """Numbers that each episode draws for its plant; controllers are designed from those above."""
+    nominal: tuple[Nominal, ...] = ()
+    """Values that controllers and the observation's scales take for granted in place of those above, which
+    are the plant's; empty: they know the plant's."""
 
     def __post_init__(self) -> None:
         self._check_clock()
         self._check_plant()
         self._check_sensors()
         self._check_uncertainty()
+        self._check_nominal()
 
     def _check_clock(self) -> None:
         require(
-            isinstance(self.name, str) and self.name.isidentifier(),
+            isinstance(self.name, str) and all(part.isidentifier() for part in self.name.split("@")),
             self,
             "name",
             "letters, digits and underscores, not beginning with a digit",
@@ -305,13 +323,44 @@ class Scenario:
                 except ValueError as error:
                     raise ValueError(f"Scenario.uncertainty of {path!r} reaches {end!r}: {error}") from error
 
+    def _check_nominal(self) -> None:
+        for item in self.nominal:
+            part, last = item.parameter.split(".")[0], item.parameter.rsplit(".", 1)[-1]
+            if part not in NOMINAL_PARTS or last in LAYOUT:
+                raise ValueError(
+                    f"Scenario.nominal cannot replace {item.parameter!r}; it may replace values of "
+                    f"{', '.join(NOMINAL_PARTS)}, but no {', no '.join(LAYOUT)}"
+                )
+            if self.information_set == "full_state" and part in ("sea_state", "vessel", "vessel_table"):
+                raise ValueError(
+                    f"Scenario.nominal of {item.parameter!r} contradicts information_set full_state, which "
+                    "shows the states of the wave filter that controllers know; choose sensors or "
+                    "sensors_history"
+                )
+        if self.nominal:
+            try:
+                basis = self.design_basis
+            except ValueError as error:
+                raise ValueError(f"Scenario.nominal does not make a scenario: {error}") from error
+            assert basis.observation_names == self.observation_names
+
+    @cached_property
+    def design_basis(self) -> Scenario:
+        """What controllers are designed for and observations scaled by: the nominal values put back."""
+        if not self.nominal:
+            return self
+        plain = dataclasses.replace(self, nominal=())
+        return cast(
+            Scenario, document.with_values(plain, {item.parameter: item.value for item in self.nominal})
+        )
+
     def with_drawn(self, values: dict[str, float]) -> Scenario:
         """The scenario of one episode: the given numbers in place of its own, and none uncertain.
 
         A command delay is rounded to whole solver steps.
         """
         mapping = to_mapping(self)
-        mapping["uncertainty"] = []
+        mapping["uncertainty"] = mapping["nominal"] = []
         for path, value in values.items():
             if path == "winch.command_delay":
                 value = round(value / self.solver_dt) * self.solver_dt
@@ -347,7 +396,12 @@ class Scenario:
 
     @property
     def n_shown_pending(self) -> int:
-        """Pending commands that the observation holds: those of the longest delay that may be drawn [-]."""
+        """Pending commands that the observation holds: those of the longest delay that is known of [-]."""
+        return self.design_basis.n_held_pending
+
+    @property
+    def n_held_pending(self) -> int:
+        """Pending commands of the longest delay that may be drawn [-]."""
         longest = max(
             [self.winch.command_delay]
             + [draw.high for draw in self.uncertainty if draw.parameter == "winch.command_delay"]
@@ -434,6 +488,8 @@ class Scenario:
 
     def channel_scale(self, channel: str) -> tuple[float, float]:
         """Scale and offset by which an observed channel is made of order one [unit of the channel]."""
+        if self.nominal:
+            return self.design_basis.channel_scale(channel)
         for sensor in self.sensors:
             if sensor.channel == channel and sensor.scale is not None:
                 return sensor.scale, sensor.offset
@@ -551,7 +607,7 @@ _ACROSS = {
 _BEYOND_HOOKE = {"cable.quadratic_hardening", "cable.cubic_hardening", "cable.relaxing_stiffness"}
 """Numbers that take a rope beyond Hooke's law when they are not zero."""
 _LATER: dict[str, tuple[type, tuple[str, ...]]] = {
-    "": (Scenario, ("uncertainty", "compensator")),
+    "": (Scenario, ("uncertainty", "compensator", "nominal")),
     "cable": (
         Cable,
         ("quadratic_hardening", "cubic_hardening", "relaxing_stiffness", "relaxation_time"),
@@ -587,6 +643,7 @@ _LATER: dict[str, tuple[type, tuple[str, ...]]] = {
             "regeneration",
         ),
     ),
+    "task": (Task, ("energy_weight",)),
 }
 """Keys by part, with the class that knows their defaults, that scenarios have gained since version 0.1."""
 
@@ -690,18 +747,92 @@ def names(tag: str | None = None) -> list[str]:
 def load(name: str | Path | Scenario) -> Scenario:
     """A scenario by name, by the path of a YAML file, or as it is.
 
+    Either may be followed by @ and a variant (`heave_env.variants`), or several: `sea_state_5@rougher@later`.
+
     Raises:
-        ValueError: If there is neither such a name nor such a file.
+        ValueError: If there is neither such a name nor such a file, or no such variant.
     """
     if isinstance(name, Scenario):
         return name
     text = str(name)
+    if "@" in text and not Path(text).is_file():
+        text, *marks = text.split("@")
+        chosen = load(text)
+        for mark in marks:
+            chosen = varied(chosen, mark)
+        return chosen
     if text in REGISTRY:
         return REGISTRY[text]()
     if text.endswith((".yaml", ".yml")) or Path(text).is_file():
         return read(text)
     hint = name_hint(text, REGISTRY, f"known: {', '.join(REGISTRY)}, or a .yaml file")
     raise ValueError(f"unknown scenario {text!r}; {hint}")
+
+
+# Variants ----------------------------------------------------------------------------------------
+
+
+def nominal(scenario: Scenario) -> Scenario:
+    """What controllers are designed for: `scenario.design_basis`."""
+    return scenario.design_basis
+
+
+def on_plant_of(basis: Scenario, plant: Scenario) -> Scenario:
+    """The plant of one scenario, observed and commanded as in another, which designs are made for.
+
+    Args:
+        basis: What controllers and agents know.
+        plant: What they meet: other values of the same parts.
+
+    Raises:
+        ValueError: If the two differ in more than values of the plant.
+    """
+    known, met = (to_mapping(dataclasses.replace(item, nominal=())) for item in (basis, plant))
+    for label in ("name", "description", "tags", "version"):
+        known.pop(label), met.pop(label)
+    found = document.differences(known, met)
+    return dataclasses.replace(
+        plant, nominal=tuple(Nominal(parameter=path, value=value) for path, value in found.items())
+    )
+
+
+def varied(scenario: Scenario, variant: str) -> Scenario:
+    """A variant of a scenario: its plant is another, and all else as before.
+
+    Raises:
+        ValueError: If there is no such variant, or it makes no sense of the scenario.
+    """
+    if variant not in VARIANTS:
+        raise ValueError(f"unknown variant {variant!r}; {name_hint(variant, VARIANTS, f'known: {_KNOWN}')}")
+    basis, change = scenario.design_basis, VARIANTS[variant]
+    told = " ".join((inspect.getdoc(change) or "").split())
+    bare = dataclasses.replace(
+        scenario,
+        name=f"{scenario.name}@{variant}",
+        description=f"{scenario.description} Variant {variant}: {told}",
+        nominal=(),
+    )
+    changes = change(scenario)
+    try:
+        plant = cast(Scenario, document.with_values(bare, changes))
+    except ValueError as error:
+        raise NoSuchVariantError(f"scenario {scenario.name!r} has no variant {variant!r}: {error}") from error
+    return on_plant_of(basis, plant)
+
+
+_KNOWN = ", ".join(VARIANTS)
+
+
+def variants_of(scenario: Scenario) -> list[str]:
+    """Names of the variants that make sense of a scenario."""
+    found = []
+    for name in VARIANTS:
+        try:
+            varied(scenario, name)
+        except NoSuchVariantError:
+            continue
+        found.append(name)
+    return found
 
 
 # Named operations --------------------------------------------------------------------------------
@@ -809,6 +940,27 @@ def limits_linear() -> Scenario:
             Sensor(channel="boom_tip_heave_rate", **boom_tip),
         ),
         task=Task(position_weight=100.0, command_weight=0.1),
+    )
+
+
+@scenario("linear", "energy", "delay")
+def energy_linear() -> Scenario:
+    """The linear payload where the winch's work has a price, whatever its sign: to follow the whole sea takes
+    two thirds of what leaving the winch locked costs. With 0.2 s of delay and noisy sensors.
+    """
+    return Scenario(
+        name="unnamed",
+        start="compensated",
+        sea_state=_thesis_sea(),
+        vessel=_thesis_vessel(),
+        winch=Winch(time_constant=1.0, command_range=2.0, command_delay=0.2),
+        linear_payload=LinearPayload(inertia=0.8959, damping=0.1658),
+        sensors=(
+            *_payload_sensors(noise_std=0.01),
+            Sensor(channel="boom_tip_heave", noise_std=0.02),
+            Sensor(channel="boom_tip_heave_rate", noise_std=0.02),
+        ),
+        task=Task(position_weight=100.0, command_weight=0.01, energy_weight=40.0),
     )
 
 

@@ -11,8 +11,10 @@ from heave_env.parameters import require_number
 class Task:
     """Keep the payload still with little command.
 
-    reward_k = -(q x_{k+1}² + r u0_k²), with x the payload's heave and u0 the commanded winch
-    displacement, so that J, the mean of minus the reward, is the controllers' own cost.
+    reward_k = -(q x_{k+1}² + r u0_k² + e |T v|_k / T_s), with x the payload's heave, u0 the commanded winch
+    displacement and |T v| the mean over the control step of the winch's power whatever its sign, over the
+    tension T_s of the line at rest, so that J, the mean of minus the reward, is the controllers' own cost. A
+    linear payload's tension counts as constant: |v| is left.
 
     Source: Huang (1992), (6.8) and (6.29), sampled.
     """
@@ -26,6 +28,8 @@ class Task:
     landing_depth: float | None = None
     """Depth of the payload below still water at which it has landed and the episode ends [m]; null:
     landing is not the task."""
+    energy_weight: float = 0.0
+    """e, the price of the winch's work [s/m]; zero: the work is free."""
     failure_factor: float = 10.0
     """A failure costs this many times the uncontrolled stage cost for each remaining step [-]."""
 
@@ -34,4 +38,5 @@ class Task:
         require_number(self, "command_weight", positive=True)
         require_number(self, "tension_limit", positive=True, optional=True)
         require_number(self, "landing_depth", positive=True, optional=True)
+        require_number(self, "energy_weight", non_negative=True)
         require_number(self, "failure_factor", non_negative=True)

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from heave_env.cable.constitutive import mean_tension
+from heave_env.cable.constitutive import mean_tension, relaxed_tension, rope_tension
 from heave_env.compiled import source_fingerprint, stage
 from heave_env.hydrodynamics import between_knots, line_drag, line_drag_slopes, quadratic_drag
 
@@ -28,17 +28,23 @@ MOST_PIECES = 256
 
 # Columns of the segments' numbers, all per unstretched length but for the stiffness and damping.
 MASS, WEIGHT, STIFFNESS, DAMPING, NORMAL_MASS, AXIAL_MASS, NORMAL_DRAG, AXIAL_DRAG, TENSION_ONLY = range(9)
+# Of ropes beyond Hooke's law: coefficients of the stored energy, and the Maxwell branch.
+QUADRATIC, CUBIC, RELAXING_STIFFNESS, RELAXATION_RATE = range(9, 13)
 # Columns of the nodes' bodies.
 BODY_MASS, BODY_RISE, BODY_SWAY, BODY_WEIGHT, BODY_RISE_DRAG, BODY_SWAY_DRAG = range(6)
 
 
 class Motion(NamedTuple):
-    """What moves: nodes and, at the sheave, unstretched lengths; room for more than there are."""
+    """What moves: nodes, at the sheave unstretched lengths, and what the segments' Maxwell branches hold.
+
+    There is room for more than there are.
+    """
 
     r: Array
     v: Array
     acceleration: Array
     length: Array
+    branch_strain: Array
 
 
 class Chain(NamedTuple):
@@ -49,6 +55,7 @@ class Chain(NamedTuple):
     nominal: float
     tolerance: float
     body_drag: int
+    hookean: bool
 
 
 class Flow(NamedTuple):
@@ -91,6 +98,7 @@ class _Work(NamedTuple):
     above: Array
     water: Array
     tension: Array
+    branch_middle: Array
     l_new: Array
 
 
@@ -105,6 +113,7 @@ def _workspace(n):
         np.zeros((n + 1, 9)),
         np.zeros((n + 1, 9)),
         np.zeros((n + 1, 3)),
+        np.zeros(n),
         np.zeros(n),
         np.zeros(n),
     )
@@ -220,7 +229,27 @@ def _body_force(ux, uy, uz, sway, rise, kind):
 
 
 @stage
-def _assemble(n, r, v, l_old, chain, work, dt, static):
+def _pull(j, old, new, chain, branch_strain, work, dt, static):
+    """Mean tension of segment j from strain `old` to `new`, and its derivative by `new` [N, N].
+
+    At rest (`static`) the two are one and the Maxwell branch has relaxed. Else the branch's strain at
+    mid-step is noted.
+    """
+    law = chain.law[j]
+    EA, CA, slack = law[STIFFNESS], law[DAMPING], law[TENSION_ONLY] > 0.0
+    per_dt = 0.0 if static else 1.0 / dt
+    if chain.hookean:
+        return mean_tension(old, new, EA, CA, per_dt, slack)
+    share = 1.0 / (1.0 + 0.5 * dt * law[RELAXATION_RATE])
+    held, EA1 = (0.0, 0.0) if static else (branch_strain[j], law[RELAXING_STIFFNESS])
+    tension, slope, work.branch_middle[j] = rope_tension(
+        old, new, held, EA, law[QUADRATIC], law[CUBIC], EA1, share, CA, per_dt, slack, 0.0, 0.5, 1.0
+    )
+    return tension, slope
+
+
+@stage
+def _assemble(n, r, v, l_old, branch_strain, chain, work, dt, static):
     """Residual of every node's equation of motion for the increments u, and its Jacobian in 3 x 3 blocks.
 
     In motion, forces are means over the step (a discrete gradient of the elastic energy) and drag is that at
@@ -240,7 +269,6 @@ def _assemble(n, r, v, l_old, chain, work, dt, static):
             diagonal[i, k] = 0.0
             above[i, k] = 0.0
     for j in range(n):
-        EA, CA = law[j, STIFFNESS], law[j, DAMPING]
         gx, gy, gz = u[j + 1, 0] - u[j, 0], u[j + 1, 1] - u[j, 1], u[j + 1, 2] - u[j, 2]
         ox, oy, oz = r[j + 1, 0] - r[j, 0], r[j + 1, 1] - r[j, 1], r[j + 1, 2] - r[j, 2]
         x, y, z = ox + gx, oy + gy, oz + gz
@@ -251,7 +279,7 @@ def _assemble(n, r, v, l_old, chain, work, dt, static):
         per_sum = 1.0 / max(stretched_old + stretched, 1e-300)
         old = stretched_old / l_old[j] - 1.0
         new = stretched / l_new[j] - 1.0
-        T, slope = mean_tension(old, new, EA, CA, per_dt, law[j, TENSION_ONLY] > 0.0)
+        T, slope = _pull(j, old, new, chain, branch_strain, work, dt, static)
         tension[j] = T
         # |Δ1|² - |Δ0|² = (Δ1 - Δ0)·(Δ1 + Δ0): along this mean direction, work is exactly the energy gained.
         dx, dy, dz = (ox + x) * per_sum, (oy + y) * per_sum, (oz + z) * per_sum
@@ -383,7 +411,7 @@ def _end_force(upper, n, motion, chain, work, dt, static, held, out, fed):
     The end segment's tension stands at its middle; the half between there and the end adds its weight,
     drag and inertia. `fed` is the speed at which the material leaves the end.
     """
-    r, _, acceleration, l_old = motion
+    r, _, acceleration, l_old, _ = motion
     law, u, water, tension, l_new = chain.law, work.u, work.water, work.tension, work.l_new
     j = n - 1 if upper else 0
     end = n if upper else 0
@@ -446,19 +474,24 @@ def _fill_water(n, r, v, dt, factor, flow, water):
 @stage
 def _split(n, motion, chain, water, fed):
     """Splits the uppermost segment of n; there is room for one more. Keeps material and momentum."""
-    r, v, acceleration, length = motion
+    r, v, acceleration, length, branch_strain = motion
     law, nominal = chain.law, chain.nominal
     top, low = n, n - 1
     whole = length[n - 1]
     lower, upper = nominal, whole - nominal
     share = lower / whole
-    for k in range(9):
+    for k in range(law.shape[1]):
         law[n, k] = law[n - 1, k]
+    # Material is material: both parts hold what the whole did.
+    branch_strain[n] = branch_strain[n - 1]
     dx, dy, dz = r[top, 0] - r[low, 0], r[top, 1] - r[low, 1], r[top, 2] - r[low, 2]
     stretched = max(math.sqrt(dx * dx + dy * dy + dz * dz), 1e-300)
     t = (dx / stretched, dy / stretched, dz / stretched)
     EA = law[n - 1, STIFFNESS]
     T = EA * (stretched / whole - 1.0)
+    if not chain.hookean:
+        T, EA = relaxed_tension(stretched / whole - 1.0, EA, law[n, QUADRATIC], law[n, CUBIC])
+        T += law[n, RELAXING_STIFFNESS] * branch_strain[n]
     mass = 0.5 * whole
     vx = v[low, 0] + share * (v[top, 0] - fed * t[0] - v[low, 0])
     vy = v[low, 1] + share * (v[top, 1] - fed * t[1] - v[low, 1])
@@ -499,7 +532,7 @@ def _split(n, motion, chain, water, fed):
 @stage
 def _merge(n, motion, fed):
     """Merges the two uppermost segments of n > 2, which are of one cable. Keeps material and momentum."""
-    r, v, acceleration, length = motion
+    r, v, acceleration, length, branch_strain = motion
     top, mid, low = n, n - 1, n - 2
     under, lower, upper = length[n - 3], length[n - 2], length[n - 1]
     dx, dy, dz = r[top, 0] - r[mid, 0], r[top, 1] - r[mid, 1], r[top, 2] - r[mid, 2]
@@ -510,14 +543,15 @@ def _merge(n, motion, fed):
         momentum = (under + lower) * v[low, k] + (lower + upper) * v[mid, k] - lower * leaving
         v[low, k] = momentum / (under + lower + upper)
         r[mid, k], v[mid, k], acceleration[mid, k] = r[top, k], v[top, k], acceleration[top, k]
-    length[n - 2] = lower + upper
+    mean = (lower * branch_strain[n - 2] + upper * branch_strain[n - 1]) / (lower + upper)
+    length[n - 2], branch_strain[n - 2] = lower + upper, mean
 
 
 # At the top of the module, for numba's cache of a function that has another one in its closure never hits.
 @njit(error_model="numpy")
 def _advance(n, first, last, motion, chain, work, dt, limit):
     """One step: Newton on the increments `work.u`. Returns the residual left [N], zero if it settled."""
-    r, v, acceleration, length = motion
+    r, v, acceleration, length, branch_strain = motion
     u, G, change = work.u, work.G, work.change
     for i in range(first, last + 1):
         for k in range(3):
@@ -525,7 +559,7 @@ def _advance(n, first, last, motion, chain, work, dt, limit):
     settled = False
     residual = np.inf
     for _ in range(limit):
-        _assemble(n, r, v, length, chain, work, dt, False)
+        _assemble(n, r, v, length, branch_strain, chain, work, dt, False)
         residual = _largest(G, first, last)
         _eliminate(first, last, G, work.below, work.diagonal, work.above, change)
         size = _largest(change, first, last)
@@ -545,9 +579,10 @@ def _advance(n, first, last, motion, chain, work, dt, limit):
             old += o * o
             new += (o + u[j + 1, k] - u[j, k]) ** 2
         strains = math.sqrt(old) / length[j] - 1.0, math.sqrt(new) / work.l_new[j] - 1.0
-        EA, CA = chain.law[j, STIFFNESS], chain.law[j, DAMPING]
-        slack = chain.law[j, TENSION_ONLY] > 0.0
-        work.tension[j], _ = mean_tension(strains[0], strains[1], EA, CA, 1.0 / dt, slack)
+        work.tension[j], _ = _pull(j, strains[0], strains[1], chain, branch_strain, work, dt, False)
+        if not chain.hookean:
+            after = 2.0 * work.branch_middle[j] - branch_strain[j]
+            branch_strain[j] = max(after, 0.0) if chain.law[j, TENSION_ONLY] > 0.0 else after
     for i in range(first, last + 1):
         for k in range(3):
             acceleration[i, k] = 2.0 / dt * (u[i, k] / dt - v[i, k])
@@ -563,11 +598,12 @@ def _make_march(fingerprint: int):
         """
         if fingerprint == 0:
             return n, 0, np.inf
-        r, v, acceleration, length = motion
+        r, v, acceleration, length, branch_strain = motion
         room = len(length)
         work = _workspace(room)
         u, water, tension, l_new = work.u, work.water, work.tension, work.l_new
         r_kept, v_kept, a_kept = np.empty_like(r), np.empty_like(v), np.empty_like(acceleration)
+        branch_kept = np.empty_like(branch_strain)
         bottom_force, top_force = np.zeros(3), np.zeros(3)
         least, most = np.inf, -np.inf
         first = 1 if lower_held else 0
@@ -577,6 +613,7 @@ def _make_march(fingerprint: int):
             fed = gained / dt
             last = n - 1 if upper_held else n
             r_kept[:], v_kept[:], a_kept[:] = r, v, acceleration
+            branch_kept[:] = branch_strain
             residual = np.inf
             pieces = 1
             while pieces <= MOST_PIECES:
@@ -614,6 +651,7 @@ def _make_march(fingerprint: int):
                 if residual == 0.0:
                     break
                 r[:], v[:], acceleration[:] = r_kept, v_kept, a_kept
+                branch_strain[:] = branch_kept
                 length[n - 1] = l_start
                 pieces *= 2
             if residual > 0.0:
@@ -655,7 +693,7 @@ def _make_march(fingerprint: int):
         """
         if fingerprint == 0:
             return np.inf
-        r, still, _, length = motion
+        r, still, _, length, relaxed = motion
         work = _workspace(n)
         work.l_new[:] = length
         u, G, change, diagonal, water = work.u, work.G, work.change, work.diagonal, work.water
@@ -667,7 +705,7 @@ def _make_march(fingerprint: int):
             u[:] = 0.0
             settled = False
             for _ in range(12):
-                _assemble(n, r, still, length, chain, work, 1.0, True)
+                _assemble(n, r, still, length, relaxed, chain, work, 1.0, True)
                 for i in range(first, last + 1):
                     for k in range(3):
                         G[i, k] += stiffness * u[i, k]
@@ -692,7 +730,7 @@ def _make_march(fingerprint: int):
                     break
         _fill_water(n, r, still, 0.0, factor, flow, water)
         u[:] = 0.0
-        _assemble(n, r, still, length, chain, work, 1.0, True)
+        _assemble(n, r, still, length, relaxed, chain, work, 1.0, True)
         residual = _largest(G, first, last)
         tension[:] = work.tension
         _end_force(False, n, motion, chain, work, 1.0, True, lower_held, bottom_force, 0.0)

@@ -108,6 +108,19 @@ def rope_tension(old, new, held, EA, quadratic, cubic, EA1, share, CA, per_dt, t
 
 
 @stage
+def relaxed_tension(strain, EA, quadratic, cubic):
+    """Tension of a relaxed rope at a strain, and its derivative [N, N]; Hooke's law where it is pushed.
+
+    No rope at rest is: there, a search finds the slope that leads it back.
+    """
+    if strain <= 0.0:
+        return EA * strain, EA
+    k2, k3 = 3.0 * quadratic, 4.0 * cubic
+    tension = EA * strain * (1.0 + strain * (k2 + strain * k3))
+    return tension, EA * (1.0 + strain * (2.0 * k2 + 3.0 * strain * k3))
+
+
+@stage
 def strain_of(tension, EA, quadratic, cubic):
     """Strain at which a relaxed rope carries a tension, by Newton's method kept within a bracket."""
     wanted, k2, k3 = tension / EA, 3.0 * quadratic, 4.0 * cubic
@@ -183,6 +196,7 @@ def require_hookean(cable: Cable) -> None:
         value = getattr(cable, field)
         if value != 0.0:
             raise ValueError(
-                f"Cable.{field} must be 0 here, got {value!r}: only the axial solver and the environment "
-                "know ropes beyond Hooke's law; put a tangent stiffness into axial_stiffness"
+                f"Cable.{field} must be 0 here, got {value!r}: only the environment and the axial, planar, "
+                "lumped-mass and static solvers know ropes beyond Hooke's law; put a tangent stiffness into "
+                "axial_stiffness"
             )

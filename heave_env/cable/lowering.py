@@ -218,7 +218,7 @@ def expected_extreme(duration: Array | float, zero_crossing_period: Array | floa
 
 
 @dataclass(frozen=True)
-class _Rod:
+class ElasticRod:
     """Cable and payload as a linear rod: what its ends' motion and forces do at given frequencies."""
 
     omega: Array
@@ -638,7 +638,7 @@ class Lowering:
 
     def _settled(
         self, length: float, omega: Array, variance: Array, regular: bool, payout_rate: float
-    ) -> tuple[_Rod, float, float]:
+    ) -> tuple[ElasticRod, float, float]:
         """The rod with the damping that its own motion causes, and the mean drags of payload and cable."""
         top = math.sqrt(float(np.sum(variance * omega**2)))
 
@@ -647,10 +647,10 @@ class Lowering:
                 return drag_in_regular_motion(-payout_rate, math.sqrt(2.0) * std)
             return drag_in_random_motion(-payout_rate, std)
 
-        def rod(std: float) -> _Rod:
+        def rod(std: float) -> ElasticRod:
             b = self.payload.drag_factor * drag(std)[1]
             c = self.cable.tangential_drag_per_length * drag(0.5 * (std + top))[1]
-            return _Rod(omega, self.cable, self.payload, length, b, c)
+            return ElasticRod(omega, self.cable, self.payload, length, b, c)
 
         def excess(std: float) -> float:
             response = rod(std).payload_over_sheave
@@ -699,7 +699,7 @@ class Lowering:
             below, amplitude, heave = -above, 2.0 * std, 2.0 * heave
         return SeaTension(s, mean, amplitude, mean + above, mean + below, heave)
 
-    def _over_a_period(self, rod: _Rod, s: Array, amplitude: float, payout_rate: float) -> Array:
+    def _over_a_period(self, rod: ElasticRod, s: Array, amplitude: float, payout_rate: float) -> Array:
         """Departure of the tension from its mean over a period of a regular sea, (n_points, n_phases) [N].
 
         The linear response, and the harmonics of the drag beyond the first as forces on the linear rod: the

@@ -8,6 +8,8 @@ mass and drag belongs to either of its nodes:
                     = T_i t_i - T_{i-1} t_{i-1} + weight + Σ (1/2) l_j f(U - v_i, t_j) + body's drag
     T = EA e + C_A De/Dt,  e = |r_{j+1} - r_j| / l_j - 1  (T = 0 where slack, if the cable is tension-only)
 
+A rope that hardens and relaxes has a Maxwell branch in each segment (`constitutive`).
+
 f is the drag of `hydrodynamics.line_drag`, with each node's own velocity and the tangents of its two
 segments: the thesis averages the velocities of the two nodes of a segment, which leaves neighbours that move
 against each other undamped. A body's drag falls apart into a horizontal and a vertical one, or as
@@ -21,7 +23,8 @@ never appears. When the uppermost segment exceeds 1.5 of its nominal length it i
 merged with its neighbour (not 0.5, or a winch about that length would split and merge all the time).
 A split puts the new node on the straight line between its neighbours, moved to where weight, drag and
 inertia balance the two tensions, with the velocity interpolated linearly; a merge gives the velocity that
-keeps the momentum. Both keep material and momentum exactly.
+keeps the momentum. Both keep material and momentum exactly. Rope that enters holds in its Maxwell branch
+what the uppermost segment does.
 
 The model stops holding where bending or torsion matters, at a seabed (there is none), and for waves
 shorter than some four segments: the chain passes none above ω = (2 / l) sqrt(T / m).
@@ -50,6 +53,7 @@ from heave_env.cable.chain import (
     MASS,
     NORMAL_DRAG,
     NORMAL_MASS,
+    RELAXING_STIFFNESS,
     STIFFNESS,
     TENSION_ONLY,
     WEIGHT,
@@ -61,10 +65,10 @@ from heave_env.cable.chain import (
     march,
     settle,
 )
-from heave_env.cable.constitutive import require_hookean
+from heave_env.cable.constitutive import rope_energy_coefficients, static_tension, stored_energy
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.hydrodynamics import between_knots, current_knots
-from heave_env.parameters import Current, Line, Payload, require, require_integer, require_number
+from heave_env.parameters import Cable, Current, Line, Payload, require, require_integer, require_number
 
 Array = np.ndarray
 Water = Callable[[Array, float], Array]
@@ -93,6 +97,8 @@ class LineState:
     """Force in the cable at its lower end, directed up along it, mean over the last step [N], (3,)."""
     top_force: Array
     """Force in the cable at its upper end, directed up along it, mean over the last step [N], (3,)."""
+    branch_strains: Array = field(default_factory=lambda: np.empty(0))
+    """Strain that each segment's Maxwell branch holds [-], (n_segments,); empty: none holds any."""
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, LineState):
@@ -199,8 +205,6 @@ class LumpedMassSolver:
     def __post_init__(self) -> None:
         require_integer(self, "n_segments", minimum=1)
         require_number(self, "tolerance", positive=True)
-        for section in self.line.sections:
-            require_hookean(section.cable)
         require(self.lower in LOWER_ENDS, self, "lower", f"one of {', '.join(LOWER_ENDS)}")
         require(self.upper in UPPER_ENDS, self, "upper", f"one of {', '.join(UPPER_ENDS)}")
         require(self.body_drag in BODY_DRAGS, self, "body_drag", f"one of {', '.join(BODY_DRAGS)}")
@@ -243,9 +247,25 @@ class LumpedMassSolver:
                 cable.normal_drag_per_length,
                 cable.tangential_drag_per_length,
                 float(cable.tension_only),
+                *rope_energy_coefficients(cable),
+                cable.relaxing_stiffness,
+                1.0 / cable.relaxation_time,
             ]
             rows += [row] * count
         return np.array(rows)
+
+    @cached_property
+    def _hookean(self) -> bool:
+        return all(section.cable.is_hookean for section in self.line.sections)
+
+    def _parts(self, n: int) -> list[tuple[Cable, slice]]:
+        """Each section's cable and its segments among n: the uppermost has what the others leave."""
+        ends = [*np.cumsum(self._counts)[:-1].tolist(), n]
+        cables = [section.cable for section in self.line.sections]
+        return [
+            (cable, slice(begin, end))
+            for cable, begin, end in zip(cables, [0, *ends[:-1]], ends, strict=True)
+        ]
 
     @cached_property
     def _bodies(self) -> Array:
@@ -328,7 +348,7 @@ class LumpedMassSolver:
             law = np.vstack([law, np.repeat(law[-1:], n - len(law), axis=0)])
             bodies = np.vstack([bodies, np.zeros((n + 1 - len(bodies), bodies.shape[1]))])
         kind = BODY_DRAGS.index(self.body_drag)
-        return Chain(law[:n].copy(), bodies[: n + 1].copy(), nominal, self.tolerance, kind)
+        return Chain(law[:n].copy(), bodies[: n + 1].copy(), nominal, self.tolerance, kind, self._hookean)
 
     def _settled(self, r: Array, flow: Flow, factor: float, time: float) -> LineState:
         """Static equilibrium from a first shape."""
@@ -345,7 +365,7 @@ class LumpedMassSolver:
 
         def relaxed(shape: Array, chain: Chain) -> tuple[float, LineState]:
             bottom_force, top_force, tension = np.zeros(3), np.zeros(3), np.zeros(n)
-            motion = Motion(shape, np.zeros_like(shape), np.zeros_like(shape), lengths)
+            motion = Motion(shape, np.zeros_like(shape), np.zeros_like(shape), lengths, np.zeros(n))
             residual = settle(
                 n, *self._held(), motion, chain, flow, factor, scale, bottom_force, top_force, tension
             )
@@ -390,8 +410,8 @@ class LumpedMassSolver:
                 raise ValueError(f"{name} must be finite numbers of shape ({n + 1}, 3), got {values.shape}")
         across = np.diff(r, axis=0)
         stretched = np.maximum(np.linalg.norm(across, axis=1), 1e-300)
-        tension = self._law[:, STIFFNESS] * (stretched / self._rest_lengths - 1.0)
-        tension = np.where(self._law[:, TENSION_ONLY] > 0.0, np.maximum(tension, 0.0), tension)
+        strain = stretched / self._rest_lengths - 1.0
+        tension = np.concatenate([static_tension(cable, strain[of]) for cable, of in self._parts(n)])
         pull = (tension / stretched)[:, None] * across
         return LineState(time, r, v, np.zeros_like(r), self._rest_lengths.copy(), tension, pull[0], pull[-1])
 
@@ -468,15 +488,21 @@ class LumpedMassSolver:
         return state.positions[0].copy(), state.velocities[0].copy()
 
     def energy(self, state: LineState) -> float:
-        """Kinetic (with added mass), elastic and potential energy [J]; potential is zero at z = 0."""
+        """Kinetic (with added mass), elastic and potential energy [J]; potential is zero at z = 0.
+
+        Of a rope the elastic energy is that of its spring and of its Maxwell branches.
+        """
         lengths = state.segment_lengths
         chain = self._chain(len(lengths), self.nominal_length)
         law, bodies = chain.law, chain.bodies
         across = np.diff(state.positions, axis=0)
         stretched = np.linalg.norm(across, axis=1)
         strain = stretched / lengths - 1.0
-        strain = np.where(law[:, TENSION_ONLY] > 0.0, np.maximum(strain, 0.0), strain)
-        energy = float(np.sum(0.5 * law[:, STIFFNESS] * strain**2 * lengths))
+        parts = self._parts(len(lengths))
+        stored = np.concatenate([stored_energy(cable, strain[of]) for cable, of in parts])
+        energy = float(np.sum(stored * lengths))
+        if len(state.branch_strains) > 0:
+            energy += float(np.sum(0.5 * law[:, RELAXING_STIFFNESS] * state.branch_strains**2 * lengths))
         tangent = across / stretched[:, None]
         for end in (slice(None, -1), slice(1, None)):
             v = state.velocities[end]
@@ -591,7 +617,8 @@ class LumpedMassSolver:
         room = n + math.ceil(spare / self.nominal_length) + (2 if np.ptp(lengths) > 0.0 else 0)
         nodes = (state.positions, state.velocities, state.accelerations)
         r, v, a = (_padded(values, room + 1) for values in nodes)
-        motion = Motion(r, v, a, _padded(state.segment_lengths, room))
+        held = state.branch_strains if len(state.branch_strains) > 0 else np.zeros(n)
+        motion = Motion(r, v, a, _padded(state.segment_lengths, room), _padded(held, room))
         chain = self._chain(room, self.nominal_length)
         ends = Ends(bottoms, tops, lengths)
         n_kept = n_steps // every
@@ -637,6 +664,7 @@ class LumpedMassSolver:
             tensions=last.tensions[0, :n].copy(),
             bottom_force=last.ends[0, 0:3].copy(),
             top_force=last.ends[0, 3:6].copy(),
+            branch_strains=np.empty(0) if self._hookean else motion.branch_strain[:n].copy(),
         )
         forces = [float(np.linalg.norm(force)) for force in (state.top_force, state.bottom_force)]
         extremes = float(np.min(state.tensions)), max(float(np.max(state.tensions)), *forces)

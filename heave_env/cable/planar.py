@@ -8,7 +8,8 @@ Axes: x along the current, z up from the mean surface. s is the unstretched arc 
              M = (m + m_a) t tᵀ + (m + m_n) (I - t tᵀ)
     payload  (M_s + M_a) DW/Dt = T t - w2 ẑ + drag, with its own added mass and drag area in x and in z
     sheave   r = R(t)
-    tension  T = EA e + C_A De/Dt,  e = λ - 1  (and T = 0 where that is not positive, if tension-only)
+    tension  T = EA e + C_A De/Dt,  e = λ - 1  (and T = 0 where that is not positive, if tension-only); a rope
+             that hardens and relaxes: see `constitutive`, each element with a Maxwell branch of its own
 
 On the fixed grid W = ∂r/∂t - η (L'/L) ∂r/∂η and D/Dt = ∂/∂t - η (L'/L) ∂/∂η, which is ∂/∂t at the payload.
 Position and velocity are both carried, so L' may jump and L'' never appears: a step knows the sheave's
@@ -22,13 +23,15 @@ length, there on sqrt(1 + e) of it.
 The model stops holding where the motion leaves the plane (only the x component of the current is felt),
 where bending stiffness matters (a slack cable's kinks), where the water itself accelerates (a current that
 changes within seconds), and where the payload meets the sheave. It knows neither surface nor bottom.
+Convection of what the Maxwell branches of a rope hold is left out, as in the axial solver.
 
 Scheme: the implicit midpoint rule, with a finite-volume grid in η (half a cell of cable goes with the
 payload). An element pulls with its mean tension (a discrete gradient) along (d_old + d_new) / (|d_old| +
 |d_new|), d the vector between its ends, so that its work is the change of its energy, exactly. Second order
 in time and space, unconditionally stable, no algorithmic damping; in vertical motion it is the axial
 solver's scheme to the last term. Each Newton iteration is one block-tridiagonal elimination with 2 x 2
-blocks. A step that does not settle is taken in halves.
+blocks. A step that does not settle is taken in halves. A rope's tangent is that of its discrete gradient, the
+branch's included.
 """
 
 from __future__ import annotations
@@ -41,7 +44,14 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from heave_env.cable.constitutive import mean_tension, require_hookean
+from heave_env.cable.axial import hanging_elongation
+from heave_env.cable.constitutive import (
+    mean_tension,
+    relaxed_tension,
+    rope_energy_coefficients,
+    rope_tension,
+    static_strain,
+)
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.compiled import source_fingerprint, stage
 from heave_env.hydrodynamics import (
@@ -77,6 +87,11 @@ class _Numbers(NamedTuple):
     EA: float
     CA: float
     tension_only: bool
+    hookean: bool
+    quadratic: float
+    cubic: float
+    relaxing_stiffness: float
+    relaxation_rate: float
     inertia_along: float
     inertia_across: float
     weight: float
@@ -99,6 +114,7 @@ class _Step(NamedTuple):
 
     position: Array
     velocity: Array
+    branch_strain: Array
     old_length: float
     new_length: float
     dt: float
@@ -111,6 +127,7 @@ class _Equations(NamedTuple):
 
     force: Array
     slope: Array
+    branch_middle: Array
     lower: Array
     diagonal: Array
     upper: Array
@@ -156,6 +173,7 @@ def _pull_elements(numbers, step, increment, equations, tension):
     old_length, new_length = step.old_length, step.new_length
     n = len(force)
     spacing = 0.5 * (old_length + new_length) / n
+    share = 1.0 / (1.0 + 0.5 * step.dt * numbers.relaxation_rate)
     for j in range(n):
         ox, oz = position[j + 1, 0] - position[j, 0], position[j + 1, 1] - position[j, 1]
         gx, gz = increment[j + 1, 0] - increment[j, 0], increment[j + 1, 1] - increment[j, 1]
@@ -163,8 +181,11 @@ def _pull_elements(numbers, step, increment, equations, tension):
             nx, nz = ox + gx, oz + gz
             size = math.sqrt(nx * nx + nz * nz)
             ux, uz = nx / size, nz / size
-            T = numbers.EA * (size / spacing - 1.0)
-            ex, ez, along, across = ux, uz, numbers.EA / spacing, T / size
+            T, by_strain = numbers.EA * (size / spacing - 1.0), numbers.EA
+            if not numbers.hookean:
+                strain = size / spacing - 1.0
+                T, by_strain = relaxed_tension(strain, numbers.EA, numbers.quadratic, numbers.cubic)
+            ex, ez, along, across = ux, uz, by_strain / spacing, T / size
         else:
             nx, nz = ox + 2.0 * gx, oz + 2.0 * gz
             old_size = math.sqrt(ox * ox + oz * oz)
@@ -173,7 +194,27 @@ def _pull_elements(numbers, step, increment, equations, tension):
             both = old_size + size
             old = old_size * n / old_length - 1.0
             new = both / spacing - 2.0 - old
-            T, by_new = mean_tension(old, new, numbers.EA, numbers.CA, 1.0 / step.dt, numbers.tension_only)
+            if numbers.hookean:
+                T, by_new = mean_tension(
+                    old, new, numbers.EA, numbers.CA, 1.0 / step.dt, numbers.tension_only
+                )
+            else:
+                T, by_new, equations.branch_middle[j] = rope_tension(
+                    old,
+                    new,
+                    step.branch_strain[j],
+                    numbers.EA,
+                    numbers.quadratic,
+                    numbers.cubic,
+                    numbers.relaxing_stiffness,
+                    share,
+                    numbers.CA,
+                    1.0 / step.dt,
+                    numbers.tension_only,
+                    0.0,
+                    0.5,
+                    1.0,
+                )
             ex, ez = (ox + nx) / both, (oz + nz) / both
             along, across = 2.0 * by_new / spacing, 2.0 * T / both
         tension[j] = T
@@ -192,7 +233,7 @@ def _assemble(numbers, step, increment, equations):
     missing to balance [N].
     """
     position, velocity, current = step.position, step.velocity, step.current
-    force, slope, lower, diagonal, upper, load = equations
+    force, slope, _, lower, diagonal, upper, load = equations
     n = len(force)
     still, dt, old_length, new_length = step.still, step.dt, step.old_length, step.new_length
     middle = 0.5 * (old_length + new_length)
@@ -301,12 +342,14 @@ def _eliminate(equations):
 def _newton(numbers, step, increment, tension):
     """Newton on the increments, which hold the first trial and the sheave's own; fills `tension`.
 
-    Returns whether it settled, and the largest force that was missing before the last correction.
+    Once settled in motion, the Maxwell branches of a rope are taken to the end of the step. Returns whether
+    it settled, and the largest force that was missing before the last correction.
     """
     n, missing = len(tension), np.inf
     equations = _Equations(
         force=np.empty((n, 2)),
         slope=np.empty((n, 2, 2)),
+        branch_middle=np.empty(n),
         lower=np.empty((n, 2, 2)),
         diagonal=np.empty((n, 2, 2)),
         upper=np.empty((n, 2, 2)),
@@ -326,12 +369,16 @@ def _newton(numbers, step, increment, tension):
         increment[:n] += (0.5 * step.new_length / largest if far else 1.0) * correction
         if largest <= _SETTLED * step.new_length / n:
             _pull_elements(numbers, step, increment, equations, tension)
+            if not (numbers.hookean or step.still):
+                for j in range(n):
+                    after = 2.0 * equations.branch_middle[j] - step.branch_strain[j]
+                    step.branch_strain[j] = max(after, 0.0) if numbers.tension_only else after
             return True, missing
     return False, missing
 
 
 @njit(error_model="numpy")
-def _advance(numbers, position, velocity, top, old_length, new_length, time, dt, tension):
+def _advance(numbers, position, velocity, branch_strain, top, old_length, new_length, time, dt, tension):
     """One step in place, to the sheave at `top` (2,); nothing changes if it does not settle."""
     n = len(tension)
     beta = 2.0 / dt
@@ -344,7 +391,7 @@ def _advance(numbers, position, velocity, top, old_length, new_length, time, dt,
             increment[i, axis] = (velocity[i, axis] + i / n * kappa * gradient) / beta
         increment[n, axis] = 0.5 * (top[axis] - position[n, axis])
     current = between_knots(time + 0.5 * dt, numbers.current_time, numbers.current_factor)
-    step = _Step(position, velocity, old_length, new_length, dt, False, current)
+    step = _Step(position, velocity, branch_strain, old_length, new_length, dt, False, current)
     settled, missing = _newton(numbers, step, increment, tension)
     if not settled:
         return False, missing
@@ -405,7 +452,9 @@ def _make_compiled(fingerprint: int):
             _note_row(position, velocity, tension, tension_only, row)
 
     @njit(cache=True, error_model="numpy")
-    def march(numbers, position, velocity, tension, sheave, length, time, dt, out, every, shapes):
+    def march(
+        numbers, position, velocity, branch_strain, tension, sheave, length, time, dt, out, every, shapes
+    ):
         """Drives the cable through sheave positions (n_steps + 1, 2) and lengths; works in place.
 
         Returns the step that did not settle even in its smallest parts, or -1, and what was missing.
@@ -428,7 +477,16 @@ def _make_compiled(fingerprint: int):
                 size = (goal - done) * dt
                 instant = time + (k - 1 + done) * dt
                 settled, missing = _advance(
-                    numbers, position, velocity, top, start_length, goal_length, instant, size, part_tension
+                    numbers,
+                    position,
+                    velocity,
+                    branch_strain,
+                    top,
+                    start_length,
+                    goal_length,
+                    instant,
+                    size,
+                    part_tension,
                 )
                 if settled:
                     mean += (goal - done) * part_tension
@@ -465,11 +523,13 @@ class PlanarState:
     """Unstretched length outboard [m]."""
     time: float = 0.0
     """The instant, by which the current's factor is chosen [s]."""
+    branch_strain: Array = field(default_factory=lambda: np.empty(0), repr=False)
+    """Strain that the Maxwell branch of each element holds [-], (n_elements,); empty: none holds any."""
 
     def __eq__(self, other: object) -> bool:
         if not isinstance(other, PlanarState):
             return NotImplemented
-        arrays = ("position", "velocity", "tension")
+        arrays = ("position", "velocity", "tension", "branch_strain")
         same = all(np.array_equal(getattr(self, name), getattr(other, name)) for name in arrays)
         return same and self.length == other.length and self.time == other.time
 
@@ -478,7 +538,11 @@ class PlanarState:
     def copy(self) -> PlanarState:
         """The same instant with arrays of its own."""
         return replace(
-            self, position=self.position.copy(), velocity=self.velocity.copy(), tension=self.tension.copy()
+            self,
+            position=self.position.copy(),
+            velocity=self.velocity.copy(),
+            tension=self.tension.copy(),
+            branch_strain=self.branch_strain.copy(),
         )
 
 
@@ -552,7 +616,6 @@ class PlanarSolver:
     def __post_init__(self) -> None:
         require_number(self, "length", positive=True)
         require_integer(self, "n_elements", minimum=1)
-        require_hookean(self.cable)
         require_number(self.payload, "submerged_weight", positive=True)
         require(self.payload_drag in PAYLOAD_DRAG, self, "payload_drag", f"one of {', '.join(PAYLOAD_DRAG)}")
         self._require_taut(self.length)
@@ -568,10 +631,16 @@ class PlanarSolver:
     def _numbers(self) -> _Numbers:
         cable, payload = self.cable, self.payload
         depth, along_x, _ = current_knots(self.current)
+        quadratic, cubic = rope_energy_coefficients(cable)
         return _Numbers(
             EA=float(cable.axial_stiffness),
             CA=float(cable.axial_damping),
             tension_only=cable.tension_only,
+            hookean=cable.is_hookean,
+            quadratic=float(quadratic),
+            cubic=float(cubic),
+            relaxing_stiffness=float(cable.relaxing_stiffness),
+            relaxation_rate=1.0 / float(cable.relaxation_time),
             inertia_along=float(cable.inertia_per_length),
             inertia_across=float(cable.transverse_inertia_per_length),
             weight=float(cable.submerged_weight),
@@ -602,11 +671,15 @@ class PlanarSolver:
         n, L = self.n_elements, self._checked_length(length)
         spacing = L / n
         weight = self.payload.submerged_weight + self.cable.submerged_weight * spacing * (np.arange(n) + 0.5)
-        above = np.concatenate(
-            [[0.0], np.cumsum((spacing * (1.0 + weight / self.cable.axial_stiffness))[::-1])]
-        )
+        above = np.concatenate([[0.0], np.cumsum((spacing * (1.0 + self._strain(weight)))[::-1])])
         position = np.column_stack([np.full(n + 1, float(top[0])), float(top[1]) - above[::-1]])
         return PlanarState(position, np.zeros((n + 1, 2)), weight, L, float(time))
+
+    def _strain(self, tension: Array) -> Array:
+        """Strain of the cable at rest under a tension [-]."""
+        if self.cable.is_hookean:
+            return tension / self.cable.axial_stiffness
+        return static_strain(self.cable, tension)
 
     def rest(
         self, top: tuple[float, float] = (0.0, 0.0), length: float | None = None, *, time: float = 0.0
@@ -626,11 +699,12 @@ class PlanarSolver:
         if factor == 0.0 or not self._numbers.current_x.any():
             return state
         reached, stride, missing = 0.0, 1.0, np.inf
+        relaxed = np.zeros(self.n_elements)
         while reached < 1.0:
             goal = min(1.0, reached + stride)
             position, tension = state.position.copy(), state.tension.copy()
             increment, still = np.zeros_like(position), np.zeros_like(position)
-            step = _Step(position, still, state.length, state.length, 1.0, True, goal * factor)
+            step = _Step(position, still, relaxed, state.length, state.length, 1.0, True, goal * factor)
             settled, missing = _settle(self._numbers, step, increment, tension)
             if settled and tension.min() > 0.0:
                 state = replace(state, position=position + increment, tension=tension)
@@ -643,7 +717,7 @@ class PlanarSolver:
                         "cable out; lower the current, or give more weight or more elements",
                         missing,
                     )
-        stretch = 1.0 + float(state.tension.max()) / self.cable.axial_stiffness
+        stretch = 1.0 + float(self._strain(state.tension.max()))
         if stretch > 2.0:
             raise ConvergenceError(
                 f"the current stretches the cable to {stretch:.3g} times its length: it blows the cable out; "
@@ -663,7 +737,7 @@ class PlanarSolver:
         Raises:
             ConvergenceError: If the step does not settle, even in its smallest parts.
         """
-        new = state.copy()
+        new = self._begun(state)
         sheave = np.array([state.position[-1], top[:2]], dtype=float)
         self._run(new, sheave, np.array([state.length, self._checked_length(top[2])]), dt)
         return replace(new, length=float(top[2]), time=state.time + dt)
@@ -679,7 +753,9 @@ class PlanarSolver:
         return state.position[0].copy(), state.velocity[0].copy()
 
     def static_stretch(self, length: Array | float) -> Array | float:
-        """Elongation hanging still and straight, L (w2 + w1 L / 2) / EA [m]."""
+        """Elongation hanging still and straight, L (w2 + w1 L / 2) / EA by Hooke's law [m]."""
+        if not self.cable.is_hookean:
+            return hanging_elongation(self.cable, self.payload, length, self.n_elements)
         weight = self.payload.submerged_weight + 0.5 * self.cable.submerged_weight * length
         return length * weight / self.cable.axial_stiffness
 
@@ -713,7 +789,7 @@ class PlanarSolver:
             lengths = np.asarray(length, dtype=float)
         self._check_lengths(lengths, len(sheave))
         first = (float(sheave[0, 0]), float(sheave[0, 1]))
-        state = self.rest(first, float(lengths[0])) if start is None else start.copy()
+        state = self._begun(self.rest(first, float(lengths[0])) if start is None else start)
         if state.position.shape != (self.n_elements + 1, 2) or state.length != lengths[0]:
             raise ValueError(
                 f"start must have {self.n_elements} elements and the motion's first length of "
@@ -738,6 +814,13 @@ class PlanarSolver:
             shapes=shapes,
             final=replace(state, length=float(lengths[-1]), time=float(time[-1])),
         )
+
+    def _begun(self, state: PlanarState) -> PlanarState:
+        """A copy to march on, with room for what the Maxwell branches of a rope hold."""
+        new = state.copy()
+        if len(new.branch_strain) > 0 or self.cable.is_hookean:
+            return new
+        return replace(new, branch_strain=np.zeros(self.n_elements))
 
     def _checked_length(self, length: float | None) -> float:
         L = self.length if length is None else float(length)
@@ -778,6 +861,7 @@ class PlanarSolver:
             self._numbers,
             state.position,
             state.velocity,
+            state.branch_strain,
             state.tension,
             sheave,
             length,

@@ -6,6 +6,8 @@ F(s) is the tension vector, along the tangent t towards the upper end; q the loa
     geometry     dr/ds = (1 + T/EA) t,   t = F/T,   T = |F|
     drag         f = (1/2) ρ d C_N |U_N| U_N + (π/2) ρ d C_t |U_t| U_t, on the unstretched length
 
+Of a rope that hardens (`constitutive`) the strain e(T) stands for T/EA; at rest it has relaxed.
+
 Under a constant load F is linear in s, and the chord of a segment of length l has a closed form. With a and
 b its forces at the two ends, S = |a| + |b|, d = b - a, y = d²/S²:
 
@@ -15,7 +17,8 @@ b its forces at the two ends, S = |a| + |b|, d = b - a, y = d²/S²:
 It is the same integral as Huang's (2.31)-(2.33), whose (2.33) ends in the difference of the two square
 roots (print makes it a quotient). His form fails for a vertical cable (no horizontal force) and for a
 neutrally buoyant one (W = 0); here both are y = 1 and y = 0 of functions that stay whole. His point loads at
-the ends of segments have become a load spread over each segment, which may point anywhere.
+the ends of segments have become a load spread over each segment, which may point anywhere. The stretch of a
+hardening rope, ∫ e(T) t ds, has none: it is taken at three Gauss points of each segment.
 
 Tension is never negative: where a line would be pushed it folds. Bending and torsion are left out, and so
 are the sea bed beneath a sagging line and the sea's surface above a floating one.
@@ -31,19 +34,34 @@ from functools import cached_property
 
 import numpy as np
 from numba import njit
+from scipy.optimize import brentq
 
-from heave_env.cable.constitutive import require_hookean
+from heave_env.cable.constitutive import (
+    relaxed_tension,
+    rope_energy_coefficients,
+    static_strain,
+    strain_of,
+)
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.compiled import source_fingerprint, stage
 from heave_env.hydrodynamics import between_knots, current_factor, current_knots, line_drag, line_drag_slopes
-from heave_env.parameters import Current, Line, Payload, require, require_integer, require_number
+from heave_env.parameters import (
+    Cable,
+    Current,
+    Line,
+    Payload,
+    Section,
+    require,
+    require_integer,
+    require_number,
+)
 
 Array = np.ndarray
 
 GREATEST_STRESS = 5.0e9
 """Tension over the section of the drag diameter that no cable bears [Pa]; steel wire parts near 2e9."""
 GREATEST_STRAIN = 0.5
-"""Strain beyond which Hooke's law says nothing [-]."""
+"""Strain beyond which neither Hooke's law nor a rope's says anything [-]."""
 
 _LOWER_ROWS = 3  # conditions at the lower end come first: they set the band's width
 _BAND = 8  # entries left and right of the diagonal
@@ -98,6 +116,38 @@ def _chord(a, b, chord, by_a, by_b):
                     by_b[i, j] = slope
                 else:
                     by_a[i, j] = slope
+
+
+@stage
+def _stretch(a, b, law, stretch, by_a, by_b):
+    """Mean of strain times tangent over a segment whose tension vector goes from `a` to `b`, its derivatives.
+
+    `law` (3,): EA and the coefficients of a hardening rope's energy, zero by Hooke's law.
+    """
+    EA, quadratic, cubic = law[0], law[1], law[2]
+    hookean = quadratic == 0.0 and cubic == 0.0
+    for i in range(3):
+        stretch[i] = 0.5 * (a[i] + b[i]) / EA if hookean else 0.0
+        for j in range(3):
+            by_a[i, j] = 0.5 / EA if hookean and i == j else 0.0
+            by_b[i, j] = by_a[i, j]
+    if hookean:
+        return
+    for point in range(3):
+        share = 0.5 + (point - 1) * math.sqrt(0.15)
+        weight = 4.0 / 9.0 if point == 1 else 5.0 / 18.0
+        x, y, z = a[0] + share * (b[0] - a[0]), a[1] + share * (b[1] - a[1]), a[2] + share * (b[2] - a[2])
+        force = (x, y, z)
+        T = math.sqrt(x * x + y * y + z * z) + 1e-30
+        strain = strain_of(T, EA, quadratic, cubic)
+        _, slope = relaxed_tension(strain, EA, quadratic, cubic)
+        soft, turning = strain / T, (1.0 / slope - strain / T) / (T * T)
+        for i in range(3):
+            stretch[i] += weight * soft * force[i]
+            for j in range(3):
+                by_force = weight * (turning * force[i] * force[j] + (soft if i == j else 0.0))
+                by_a[i, j] += (1.0 - share) * by_force
+                by_b[i, j] += share * by_force
 
 
 @stage
@@ -200,14 +250,15 @@ def _eliminate(band, right):
 def _balance(nodes, factor, segments, bodies, knots, ends, band, rest):
     """Residual of all equations at `nodes` (n + 1, 6: position, force above), and its derivatives.
 
-    `segments` (n, 5): length, EA, weight, normal and tangential drag factor. `bodies` (n + 1, 2): weight,
-    drag factor. `ends` (2, 6): whether each component of the position is held, and where or with which
-    force. Returns the largest residual.
+    `segments` (n, 7): length, weight, normal and tangential drag factor, and the law of `_stretch`.
+    `bodies` (n + 1, 2): weight, drag factor. `ends` (2, 6): whether each component of the position is held,
+    and where or with which force. Returns the largest residual.
     """
     n = len(segments)
     chord, load, point, slope = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    below = np.empty(3)
+    below, stretch = np.empty(3), np.empty(3)
     by_a, by_b = np.empty((3, 3)), np.empty((3, 3))
+    softer_a, softer_b = np.empty((3, 3)), np.empty((3, 3))
     by_low, by_high = np.empty((3, 3)), np.empty((3, 3))
     band[:] = 0.0
     _body_load(nodes[0, 2], factor, bodies[0, 0], bodies[0, 1], knots, point, slope)
@@ -221,17 +272,18 @@ def _balance(nodes, factor, segments, bodies, knots, ends, band, rest):
             band[i, 2 - i + _BAND] += slope[i]
     for s in range(n):
         low, high = nodes[s], nodes[s + 1]
-        length, EA = segments[s, 0], segments[s, 1]
+        length = segments[s, 0]
         _body_load(high[2], factor, bodies[s + 1, 0], bodies[s + 1, 1], knots, point, slope)
-        weight, across, along = segments[s, 2], segments[s, 3], segments[s, 4]
+        weight, across, along = segments[s, 1], segments[s, 2], segments[s, 3]
         _segment_load(low, high, factor, weight, across, along, knots, load, by_low, by_high)
         for i in range(3):
             below[i] = high[3 + i] + point[i]
         _chord(low[3:], below, chord, by_a, by_b)
+        _stretch(low[3:], below, segments[s, 4:], stretch, softer_a, softer_b)
         first = _LOWER_ROWS + 6 * s
         for i in range(3):
             r, f = first + i, first + 3 + i
-            rest[r] = high[i] - low[i] - length * (chord[i] + 0.5 * (low[3 + i] + below[i]) / EA)
+            rest[r] = high[i] - low[i] - length * (chord[i] + stretch[i])
             rest[f] = below[i] - low[3 + i] + length * load[i]
             at_r, at_f = 6 * s - r + _BAND, 6 * s - f + _BAND  # where this segment's columns begin
             band[r, at_r + i] -= 1.0
@@ -240,9 +292,8 @@ def _balance(nodes, factor, segments, bodies, knots, ends, band, rest):
             band[f, at_f + 9 + i] += 1.0
             band[f, at_f + 8] += slope[i]
             for j in range(3):
-                stretch = 0.5 / EA if i == j else 0.0
-                of_below = length * (by_b[i, j] + stretch)
-                band[r, at_r + 3 + j] -= length * (by_a[i, j] + stretch)
+                of_below = length * (by_b[i, j] + softer_b[i, j])
+                band[r, at_r + 3 + j] -= length * (by_a[i, j] + softer_a[i, j])
                 band[r, at_r + 9 + j] -= of_below
                 band[r, at_r + 8] -= of_below * slope[j]
                 band[f, at_f + j] += length * by_low[i, j]
@@ -269,8 +320,9 @@ def _hang(nodes, factor, segments, bodies, knots, ends):
     on its slope finds the one answer from anywhere.
     """
     n = len(segments)
-    chord, force, below = np.empty(3), np.empty(3), np.empty(3)
+    chord, force, below, stretch = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     by_a, by_b = np.empty((3, 3)), np.empty((3, 3))
+    softer_a, softer_b = np.empty((3, 3)), np.empty((3, 3))
     loads, points, unused = np.empty((n, 3)), np.empty((n + 1, 3)), np.empty(3)
     total = np.zeros(3)
     for s in range(n + 1):
@@ -278,7 +330,7 @@ def _hang(nodes, factor, segments, bodies, knots, ends):
         if s > 0:
             total += points[s]
         if s < n:
-            weight, across, along = segments[s, 2], segments[s, 3], segments[s, 4]
+            weight, across, along = segments[s, 1], segments[s, 2], segments[s, 3]
             low, high = nodes[s], nodes[s + 1]
             _segment_load(low, high, factor, weight, across, along, knots, loads[s], by_a, by_b)
             total += segments[s, 0] * loads[s]
@@ -298,15 +350,20 @@ def _hang(nodes, factor, segments, bodies, knots, ends):
             trial[i] = start[i] + share * step[i]
         force[:], reached[:], matrix[:] = trial, 0.0, 0.0
         for s in range(n):
-            length, EA = segments[s, 0], segments[s, 1]
+            length = segments[s, 0]
+            hookean = segments[s, 5] == 0.0 and segments[s, 6] == 0.0
             for i in range(3):
                 below[i] = force[i] - length * loads[s, i]
             _chord(force, below, chord, by_a, by_b)
+            _stretch(force, below, segments[s, 4:], stretch, softer_a, softer_b)
             for i in range(3):
-                reached[i] += length * (chord[i] + 0.5 * (force[i] + below[i]) / EA)
-                matrix[i, i] += length / EA
+                reached[i] += length * (chord[i] + stretch[i])
+                if hookean:
+                    matrix[i, i] += length / segments[s, 4]
                 for j in range(3):
                     matrix[i, j] += length * (by_a[i, j] + by_b[i, j])
+                    if not hookean:
+                        matrix[i, j] += length * (softer_a[i, j] + softer_b[i, j])
                 force[i] = below[i] - points[s + 1, i]
         slope = 0.0
         for i in range(3):
@@ -337,13 +394,13 @@ def _hang(nodes, factor, segments, bodies, knots, ends):
         nodes[0, i] = ends[0, 3 + i] if ends[0, i] > 0.0 else ends[1, 3 + i] - reached[i]
     nodes[0, 3:] = start
     for s in range(n):
-        length, EA = segments[s, 0], segments[s, 1]
+        length = segments[s, 0]
         for i in range(3):
             below[i] = nodes[s, 3 + i] - length * loads[s, i]
         _chord(nodes[s, 3:], below, chord, by_a, by_b)
+        _stretch(nodes[s, 3:], below, segments[s, 4:], stretch, softer_a, softer_b)
         for i in range(3):
-            stretched = chord[i] + 0.5 * (nodes[s, 3 + i] + below[i]) / EA
-            nodes[s + 1, i] = nodes[s, i] + length * stretched
+            nodes[s + 1, i] = nodes[s, i] + length * (chord[i] + stretch[i])
             nodes[s + 1, 3 + i] = below[i] - points[s + 1, i]
     return worst
 
@@ -433,18 +490,20 @@ def _make_solver(fingerprint: int):
         return worst, count, reached
 
     @njit(cache=True, error_model="numpy")
-    def sample(at, arc_length, position, force, load, EA):
+    def sample(at, arc_length, position, force, load, laws):
         """Position and tension vector at any arc lengths, exact within each segment; (n_points, 6)."""
         out = np.empty((len(at), 6))
         if fingerprint == 0:
             return out
         chord, by_a, by_b = np.empty(3), np.empty((3, 3)), np.empty((3, 3))
+        stretch = np.empty(3)
         for p in range(len(at)):
-            s = min(max(np.searchsorted(arc_length, at[p], side="right") - 1, 0), len(EA) - 1)
+            s = min(max(np.searchsorted(arc_length, at[p], side="right") - 1, 0), len(laws) - 1)
             part = at[p] - arc_length[s]
             here = force[s] - part * load[s]
             _chord(force[s], here, chord, by_a, by_b)
-            out[p, :3] = position[s] + part * (chord + 0.5 * (force[s] + here) / EA[s])
+            _stretch(force[s], here, laws[s], stretch, by_a, by_b)
+            out[p, :3] = position[s] + part * (chord + stretch)
             out[p, 3:] = here
         return out
 
@@ -452,6 +511,24 @@ def _make_solver(fingerprint: int):
 
 
 _find, _sample = _make_solver(source_fingerprint())
+
+
+def _law(cable: Cable) -> tuple[float, float, float]:
+    """The relaxed cable's law as `_stretch` takes it."""
+    return cable.axial_stiffness, *rope_energy_coefficients(cable)
+
+
+def _straight_tension(sections: tuple[Section, ...], elongation: float, first: float) -> float:
+    """Tension under which sections of hardening rope, one after the other, are so much longer [N]."""
+
+    def excess(tension: float) -> float:
+        stretched = sum(section.length * float(static_strain(section.cable, tension)) for section in sections)
+        return stretched - elongation
+
+    high = first
+    while excess(high) < 0.0:
+        high *= 2.0
+    return float(brentq(excess, 0.0, high))
 
 
 def _require_vector(owner: object, field_name: str, size: int) -> None:
@@ -616,11 +693,20 @@ class StaticShape:
         return np.array([self.line.sections[i].cable.axial_stiffness for i in self.section])
 
     @property
+    def greatest_tension(self) -> Array:
+        """Largest tension of each segment [N], (n_nodes - 1,)."""
+        below = self.force[:-1] - np.diff(self.arc_length)[:, None] * self.load
+        return np.asarray(np.maximum(np.linalg.norm(below, axis=1), self.tension[:-1]))
+
+    @property
     def strain(self) -> Array:
         """Largest strain of each segment [-], (n_nodes - 1,)."""
-        below = self.force[:-1] - np.diff(self.arc_length)[:, None] * self.load
-        greatest = np.maximum(np.linalg.norm(below, axis=1), self.tension[:-1])
-        return np.asarray(greatest / self.segment_stiffness)
+        strain = self.greatest_tension / self.segment_stiffness
+        for index, section in enumerate(self.line.sections):
+            if not section.cable.is_hookean:
+                its = self.section == index
+                strain[its] = static_strain(section.cable, self.greatest_tension[its])
+        return np.asarray(strain)
 
     @property
     def upper_force(self) -> Array:
@@ -656,9 +742,8 @@ class StaticShape:
             raise ValueError(
                 f"arc_length must lie between 0 and {self.arc_length[-1]:g} m, got {arc_length!r}"
             )
-        out = _sample(
-            at.ravel(), self.arc_length, self.position, self.force, self.load, self.segment_stiffness
-        )
+        laws = np.array([_law(self.line.sections[i].cable) for i in self.section])
+        out = _sample(at.ravel(), self.arc_length, self.position, self.force, self.load, laws)
         return out[:, :3].reshape(*at.shape, 3), out[:, 3:].reshape(*at.shape, 3)
 
 
@@ -688,8 +773,6 @@ class StaticsSolver:
         require_number(self, "time")
         require_integer(self, "n_segments", minimum=1)
         require_number(self, "tolerance", positive=True)
-        for section in self.line.sections:
-            require_hookean(section.cable)
         if isinstance(self.ends, FixedEnds):
             self._require_reach(math.dist(self.ends.lower, self.ends.upper))
         elif isinstance(self.ends, Moored):
@@ -701,11 +784,15 @@ class StaticsSolver:
     def _require_reach(self, distance: float) -> None:
         """Raises `ValueError` where the ends are farther apart than any such line can be stretched."""
         sections, length = self.line.sections, self.line.length
+        if distance <= length:
+            return
         softness = sum(section.length / section.cable.axial_stiffness for section in sections)
         taut = (distance - length) / softness
+        if not all(section.cable.is_hookean for section in sections):
+            taut = _straight_tension(sections, distance - length, taut)
         for section in sections:
             area = 0.25 * math.pi * section.cable.diameter**2
-            strain = taut / section.cable.axial_stiffness
+            strain = float(static_strain(section.cable, taut))
             if taut / area > GREATEST_STRESS or strain > GREATEST_STRAIN:
                 raise ValueError(
                     f"a line of {length:g} m cannot reach over {distance:g} m: stretched straight it would "
@@ -715,9 +802,9 @@ class StaticsSolver:
     def _require_load(self) -> None:
         """Raises `ValueError` for a slack line on which nothing acts: it has no shape of its own."""
         segments, bodies, knots, _ = self._numbers
-        weight = np.abs(segments[:, 2]).max() + np.abs(bodies[:, 0]).max()
+        weight = np.abs(segments[:, 1]).max() + np.abs(bodies[:, 0]).max()
         moving = np.abs(knots[1:]).max() > 0.0
-        drag = moving and segments[:, 3:].max() + bodies[:, 1].max() > 0.0
+        drag = moving and segments[:, 2:4].max() + bodies[:, 1].max() > 0.0
         _, _, _, at_upper = self.ends.conditions
         pulled = bool(np.any(self._end_forces))
         taut = isinstance(self.ends, FixedEnds) and math.dist(self.ends.lower, at_upper) > self.line.length
@@ -754,12 +841,13 @@ class StaticsSolver:
     @cached_property
     def _numbers(self) -> tuple[Array, Array, Array, Array]:
         """What the compiled solver reads, in SI: segments, bodies, current and ends."""
-        segments = np.empty((len(self.section), 5))
+        segments = np.empty((len(self.section), 7))
         segments[:, 0] = np.diff(self.arc_length)
         for row, index in zip(segments, self.section, strict=True):
             cable = self.line.sections[index].cable
-            row[1:3] = cable.axial_stiffness, cable.submerged_weight
-            row[3:] = cable.normal_drag_per_length, cable.tangential_drag_per_length
+            row[1] = cable.submerged_weight
+            row[2:4] = cable.normal_drag_per_length, cable.tangential_drag_per_length
+            row[4:] = _law(cable)
         bodies = np.zeros((len(self.arc_length), 2))
         for attachment in self.line.attachments:
             node = int(np.argmin(np.abs(self.arc_length - attachment.arc_length)))
@@ -780,12 +868,12 @@ class StaticsSolver:
         segments, bodies, knots, _ = self._numbers
         length = float(segments[:, 0].sum())
         speed = float(np.hypot(knots[1], knots[2]).max())
-        drag = float((segments[:, 0] * segments[:, 3:].max(axis=1)).sum() + bodies[:, 1].sum()) * speed**2
-        weight = float((segments[:, 0] * np.abs(segments[:, 2])).sum() + np.abs(bodies[:, 0]).sum())
+        drag = float((segments[:, 0] * segments[:, 2:4].max(axis=1)).sum() + bodies[:, 1].sum()) * speed**2
+        weight = float((segments[:, 0] * np.abs(segments[:, 1])).sum() + np.abs(bodies[:, 0]).sum())
         force = drag + weight + float(np.abs(self._end_forces).sum())
         if isinstance(self.ends, FixedEnds):
             strain = math.dist(self.ends.lower, self.ends.upper) / length - 1.0
-            force += max(0.0, strain) * float(segments[:, 1].min())
+            force += max(0.0, strain) * float(segments[:, 4].min())
         return length, force
 
     @cached_property
@@ -808,7 +896,7 @@ class StaticsSolver:
         """
         L, F = self._units
         segments, bodies, knots, ends = (a.copy() for a in self._numbers)
-        segments *= np.array([1.0 / L, 1.0 / F, L / F, L / F, L / F])
+        segments *= np.array([1.0 / L, L / F, L / F, L / F, 1.0 / F, 1.0, 1.0])
         bodies /= F
         knots[0] /= L
         for end in ends:
@@ -876,14 +964,14 @@ class StaticsSolver:
         held = [end[5] for end in ends if end[2] > 0.0]
         surface = max(0.0, *held) + 1e-6 * self.line.length
         highest = float(shape.position[:, 2].max())
-        in_current = np.abs(knots[1:]).max() > 0.0 and segments[:, 3:].max() + bodies[:, 1].max() > 0.0
+        in_current = np.abs(knots[1:]).max() > 0.0 and segments[:, 2:4].max() + bodies[:, 1].max() > 0.0
         if in_current and highest > surface:
             raise ValueError(
                 f"the water lifts the line to {highest - surface:.3g} m above the surface; lower the current "
                 "or the speed, or make line and unit heavier"
             )
         diameters = np.array([self.line.sections[i].cable.diameter for i in self.section])
-        stress = shape.strain * shape.segment_stiffness / (0.25 * math.pi * diameters**2)
+        stress = shape.greatest_tension / (0.25 * math.pi * diameters**2)
         if stress.max() > GREATEST_STRESS or shape.strain.max() > GREATEST_STRAIN:
             raise ValueError(
                 f"the line would be stretched by {shape.strain.max():.3g} at {shape.tension.max():.3g} N, "

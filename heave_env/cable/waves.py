@@ -29,6 +29,7 @@ from functools import cached_property
 import numpy as np
 from scipy.linalg import LinAlgError, eigh
 
+from heave_env.cable.constitutive import require_hookean
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.cable.statics import FixedEnds, OnSeabed, StaticShape, StaticsSolver, Towed
 from heave_env.hydrodynamics import current_velocity, line_drag_slopes
@@ -77,6 +78,7 @@ def travel_times(shape: StaticShape) -> tuple[float, float]:
         shape.section, np.diff(shape.arc_length), _segment_tension(shape), strict=True
     ):
         cable = shape.line.sections[index].cable
+        require_hookean(cable)
         longitudinal += length / longitudinal_wave_speed(cable)
         transverse += length / float(transverse_wave_speed(cable, tension))
     return longitudinal, transverse
@@ -144,6 +146,7 @@ class WavesSolver:
     def __post_init__(self) -> None:
         require_integer(self, "n_modes", minimum=1)
         for section in self.shape.line.sections:
+            require_hookean(section.cable)
             if not section.cable.mass_per_length > 0.0:
                 raise ValueError(
                     f"natural modes need mass_per_length above zero, got {section.cable.mass_per_length} kg/m"

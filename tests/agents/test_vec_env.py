@@ -59,6 +59,21 @@ def test_the_clock_hands_over_the_last_observation_and_says_it_was_the_clock(inf
         assert not np.array_equal(first[row], last[row])
 
 
+def test_a_row_s_info_may_be_read_late():
+    batch, reference = (HeaveVecEnv(LINEAR, 3, max_episode_steps=6) for _ in range(2))
+    for env in (batch, reference):
+        env.seed(1)
+        env.reset()
+    kept, read = [], []
+    for _ in range(9):
+        kept.append(batch.step(ZERO)[3])
+        read.append([dict(info.items()) for info in reference.step(ZERO)[3]])
+    for late, early in zip(kept, read, strict=True):
+        for mine, other in zip(late, early, strict=True):
+            np.testing.assert_equal(dict(mine), other)
+            assert mine.get("episode") is None and "payload_heave" in mine
+
+
 def test_infos_are_fresh_each_step():
     batch = HeaveVecEnv(LINEAR, 3, info=False)
     batch.reset()

@@ -9,7 +9,9 @@ import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import pytest
+from numba import njit
 from numba.core.caching import NullCache
 from numba.core.dispatcher import Dispatcher
 
@@ -78,6 +80,36 @@ def test_an_edited_stage_is_compiled_anew(tmp_path):
     winch.write_text(edited)
     assert before == pytest.approx(2.0 * 0.8647 / 2.0, abs=1e-3)
     assert displacement() == pytest.approx(1.0)
+
+
+def test_a_line_says_when_something_is_compiled_and_only_then(capsys, monkeypatch):
+    def twice(values):
+        return values[0] + values[0]
+
+    def thrice(values):
+        return 3 * values[0]
+
+    pair = njit(twice), njit(thrice)
+    compiled.announce_compilation(pair, "two small sums")
+    for function in pair:
+        for _ in range(2):
+            function(np.ones(1))
+    said = capsys.readouterr()
+    assert said.out == "" and said.err.count("\n") == 1
+    assert "compiling two small sums in float64" in said.err
+    pair[1](np.ones(1, dtype=np.float32))
+    assert "in float32" in capsys.readouterr().err
+    monkeypatch.setattr(compiled.multiprocessing, "parent_process", lambda: "a parent")
+    pair[1](np.ones(1, dtype=np.int64))
+    assert capsys.readouterr().err == ""
+
+
+def test_the_plant_s_kernels_are_announced():
+    from heave_env import kernel, plant
+
+    assert plant.Plant  # announces
+    for pair in kernel.KERNELS.values():
+        assert all("the plant's kernel" in compiled._notices.names[id(function)] for function in pair)
 
 
 def test_what_is_kept_on_disk_is_found_again():

@@ -235,6 +235,55 @@ def test_reward_is_minus_the_stage_cost():
         assert info["position_cost"] + info["command_cost"] == pytest.approx(cost, rel=1e-12)
 
 
+@pytest.mark.parametrize("mode", ["NextStep", "SameStep"])
+def test_the_clock_ends_rows_that_began_at_different_times(mode):
+    env = HeaveVectorEnv("thesis_linear", 3, max_episode_steps=9, autoreset_mode=mode)
+    env.reset(seed=0)
+    began, ended = np.zeros(3, dtype=int), []
+    for step in range(1, 60):
+        if step in (5, 7):
+            late = np.arange(3) == step % 3
+            env.reset(options={"reset_mask": late})
+            began[late] = step - 1
+        if step == 20:
+            state, other = env.get_state(), env
+            env = HeaveVectorEnv("thesis_linear", 3, max_episode_steps=9, autoreset_mode=mode)
+            env.set_state(state)
+            other.close()
+        truncated = env.step(np.zeros((3, 1)))[3]
+        assert truncated.tolist() == (step - began == 9).tolist()
+        ended.extend(np.flatnonzero(truncated))
+        began[truncated] = step + (mode == "NextStep")
+    assert set(ended) == {0, 1, 2} and len(ended) > 10
+
+
+def test_infos_are_dictionaries_made_when_asked_for_and_may_be_kept():
+    for env in (HeaveEnv("sea_state_5"), HeaveVectorEnv("sea_state_5", 2, autoreset_mode="SameStep")):
+        action = np.full(env.action_space.shape, 0.3)
+        env.reset(seed=3)
+        kept = [env.step(action)[4] for _ in range(5)]
+        env.reset(seed=3)
+        read = [dict(env.step(action)[4].items()) for _ in range(5)]
+        for late, early in zip(kept, read, strict=True):
+            assert type(pickle.loads(pickle.dumps(late))) is dict
+            assert list(late) == list(early) and len({**late}) == len(early)
+            for key, value in early.items():
+                assert key in late and np.array_equal(late[key], value)
+                assert np.array_equal(late.get(key), value)
+        assert not np.array_equal(kept[0]["payload_heave"], kept[4]["payload_heave"])
+        info = env.step(action)[4]
+        assert "payload_heave" in info and "no such thing" not in info and info.get("no such thing", 7) == 7
+        with pytest.raises(KeyError, match="no such thing"):
+            info["no such thing"]
+        info["mine"] = 1
+        assert info["mine"] == 1 and info.pop("command") is not None and "command" not in info
+    single = HeaveEnv("sea_state_5")
+    single.reset(seed=3)
+    infos = [single.step(np.array([0.3]))[4] for _ in range(2)]
+    texts = [json.dumps(info) for info in infos]
+    assert [json.loads(text) for text in texts] == infos and infos[0] != infos[1]
+
+
 def test_infos_are_switchable_and_flat():
     assert HeaveEnv("sea_state_5", info=False).reset(seed=0)[1] == {}
     info = HeaveEnv("sea_state_5").reset(seed=0)[1]

@@ -17,8 +17,9 @@ from heave_env.cable.lowering import Lowering
 from heave_env.cable.lumped_mass import LumpedMassSolver
 from heave_env.cable.planar import PlanarSolver
 from heave_env.cable.sagged_span import SaggedSpanSolver
-from heave_env.cable.statics import FixedEnds, StaticsSolver
+from heave_env.cable.statics import FixedEnds, StaticsSolver, Towed
 from heave_env.cable.towing import Towing
+from heave_env.cable.waves import WavesSolver, travel_times
 from heave_env.parameters import Cable, Compensator, Draw, Line, Payload, PayOut, SeaState
 from heave_env.plant import Plant, simulate
 from heave_env.ropes import SLOW_LOAD, nylon_rope, polyester_rope, steel_wire_rope
@@ -338,11 +339,10 @@ def test_negative_terms_are_refused(field):
 @pytest.mark.parametrize("field", ["quadratic_hardening", "relaxing_stiffness"])
 def test_other_solvers_refuse_such_a_rope(field):
     rope = soft_rope(**{field: 3.0})
-    line = Line.uniform(rope, 100.0)
+    shape = StaticsSolver(line=Line.uniform(rope, 100.0), ends=Towed(payload=WEIGHT)).solve()
     for build in (
-        lambda: PlanarSolver(cable=rope, payload=WEIGHT, length=100.0),
-        lambda: LumpedMassSolver(line=line, payload=WEIGHT),
-        lambda: StaticsSolver(line=line, ends=FixedEnds(lower=(0.0, 0.0, -90.0), upper=(0.0, 0.0, 0.0))),
+        lambda: WavesSolver(shape=shape),
+        lambda: travel_times(shape),
         lambda: SaggedSpanSolver(cable=rope, length=110.0, span=100.0),
         lambda: Lowering(cable=rope, payload=WEIGHT),
         lambda: Towing(cable=rope, length=100.0, speed=1.0),
