@@ -5,7 +5,7 @@ one value, `S[row] = value` writes it; what a stage computes between the two it 
 block of one lane the same lines mean plain numbers, so that the kernel of a single environment is the plain
 twin of every batch. `lane_of` looks at one lane of a wide block in that way, for what is seldom done.
 
-The values take + - * / and comparisons (which give masks, joined by & | ~), `where`, `minimum`, `maximum`,
+The values take + - * / and comparisons (which give masks, joined by & | ^), `negated`, `where`, `minimum`, `maximum`,
 `absolute`, `square_root`, `floor`, and `fused` for a x + b with one rounding. Each lane meets the IEEE
 operation itself, never reassociated, whatever the number of lanes: that makes single and batch equal to the
 last bit. Beside floats there are unsigned 64-bit lanes, for random words.
@@ -150,7 +150,7 @@ def _add_operator(symbol: Any, typed: Callable[[Lanes], Lanes | None], made: Cal
     def generate(context: Any, builder: Any, called: Any, values: Any) -> Any:
         return _each(builder, called.return_type, made(called.args[0]), *values)
 
-    n_operands = 1 if symbol in (operator.neg, operator.invert) else 2
+    n_operands = 1 if symbol is operator.neg else 2
     lower_builtin(symbol, *[Lanes] * n_operands)(generate)
 
 
@@ -187,7 +187,6 @@ def _of_bits(symbol: Any, name: str) -> None:
 _of_bits(operator.and_, "and_")
 _of_bits(operator.or_, "or_")
 _of_bits(operator.xor, "xor")
-_of_bits(operator.invert, "not_")
 
 
 def _comparison(symbol: Any, sign: str) -> None:
@@ -432,6 +431,18 @@ def where(typing_context, mask, a, b):
 
 
 @intrinsic
+def negated(typing_context, mask):
+    """The mask that is set where this one is not."""
+    if _number_type(mask) != types.boolean:
+        return None
+
+    def generate(context, builder, called, values):
+        return _each(builder, mask, lambda build, value: build.not_(value), *values)
+
+    return mask(mask), generate
+
+
+@intrinsic
 def any_of(typing_context, mask):
     """Whether the mask is set in any lane."""
     if _number_type(mask) != types.boolean:
@@ -538,16 +549,16 @@ def is_single(typing_context, like):
 
 
 @intrinsic(prefer_literal=True)
-def counting(typing_context, words, n_lanes):
+def counting(typing_context, n_lanes):
     """0, 1, 2, ... in `n_lanes` lanes of words."""
-    if words != types.uint64 or _literal(n_lanes) is None:
+    if _literal(n_lanes) is None:
         return None
     kind = Lanes(types.uint64, _literal(n_lanes), False)
 
     def generate(context, builder, called, values):
         return ir.Constant(_machine_type(kind), list(range(kind.n_lanes)))
 
-    return kind(words, n_lanes), generate
+    return kind(n_lanes), generate
 
 
 @intrinsic

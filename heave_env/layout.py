@@ -161,7 +161,8 @@ LINEAR_GAP = 26
 WINCH_GAP = 27
 SHOWN = 28
 STEP_MOVED = 29
-N_SCRATCH = 30
+ACTION = 30
+N_SCRATCH = 31
 
 # Fields of a node in the scratch block; what is called tension and stiffness belongs to the element below.
 SUPER = 0

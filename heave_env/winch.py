@@ -19,6 +19,7 @@ from heave_env.lanes import (
     maximum,
     minimum,
     n_lanes_of,
+    negated,
     where,
 )
 from heave_env.layout import (
@@ -99,7 +100,7 @@ def limited_winch_step(S, W, command, dt, accelerates_at_once):
         start = minimum(absolute(wanted), fastest)
         lags, keeps_on = linear_gap <= zero, linear_gap >= ramp
         W[WINCH_GAP] = where(lags, gap * decay, gap - ramp)
-        if any_of(~(lags | keeps_on)):
+        if any_of(negated(lags | keeps_on)):
             W[LINEAR_GAP] = linear_gap
             for lane in range(n_lanes_of(S)):
                 _gap_behind_a_ramp(lane_of(S, lane), lane_of(W, lane), dt)

@@ -46,7 +46,7 @@ from heave_env.cable.constitutive import (
 )
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.compiled import seldom, source_fingerprint, stage
-from heave_env.lanes import absolute, block_at, constant, fused, maximum, minimum, where
+from heave_env.lanes import absolute, align_stack, block_at, constant, fused, maximum, minimum, where
 from heave_env.layout import (
     CABLE_CUBIC,
     CABLE_DAMPING,
@@ -63,13 +63,13 @@ from heave_env.layout import (
     LENGTH,
     LENGTH_OLD,
     LENGTH_SPEED,
-    NODE_DRAG,
-    NODE_MASS,
-    NODE_WEIGHT,
     N_FIXED,
     N_NODE_FIELDS,
     N_SCRATCH,
     N_WORK_FIELDS,
+    NODE_DRAG,
+    NODE_MASS,
+    NODE_WEIGHT,
     PAYLOAD_DRAG,
     PAYLOAD_INERTIA,
     PAYLOAD_TENSION,
@@ -134,6 +134,7 @@ def _constitutive_pass(S, W, nodes, work, n_elements, dt, tension_only, hookean,
     T is the mean over the step, D the displacement gained to mid-step. For cables that are not linear; what
     the Maxwell branches of a rope hold stands in rows behind the nodes.
     """
+    align_stack()
     per_dt, half_step = constant(S, 1.0 / dt), constant(S, 0.5 * dt)
     one, two = constant(S, 1.0), constant(S, 2.0)
     EA, CA, per_spacing = S[CABLE_STIFFNESS], S[CABLE_DAMPING], W[PER_MID_SPACING]
@@ -170,6 +171,7 @@ def _relax(S, W, nodes, work, n_elements, tension_only):
 
     A branch that cannot push lets go of what would be compression.
     """
+    align_stack()
     zero, half, two = constant(S, 0.0), constant(S, 0.5), constant(S, 2.0)
     branches = nodes + N_NODE_FIELDS * (n_elements + 1)
     for j in range(n_elements):
@@ -409,6 +411,13 @@ def solved_sheave_tension(S, W, nodes, work, n_elements, dt, tension_only, hooke
 
 
 @stage
+def element_stiffness(S, W, work, dt, tension_only, hookean):
+    """Stiffness of the element at the sheave as `cable_solve` saw it last [N/m]."""
+    k, _ = _linear_law(S, W, dt)
+    return k if hookean and not tension_only else W[work + ELEMENT_STIFFNESS]
+
+
+@stage
 def show_tensions(S, nodes, n_elements, least, most, tension_only):
     """Tensions at the two ends from those of the elements, and the extremes along the cable so far."""
     zero = constant(S, 0.0)
@@ -483,6 +492,7 @@ def _iterate(S, W, nodes, work, n_elements, dt, tension_only, hookean, first):
 @seldom
 def cable_solve(S, W, nodes, work, n_elements, n_iterations, dt, tension_only, hookean):
     """Finds what every node gains in one solver step and leaves it in `INCREMENT`; nothing has moved yet."""
+    align_stack()
     _begin_step(S, W, n_elements)
     for iteration in range(n_iterations):
         _iterate(S, W, nodes, work, n_elements, dt, tension_only, hookean, iteration == 0)

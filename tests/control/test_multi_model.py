@@ -27,7 +27,7 @@ LAG = Draw(parameter="winch.time_constant", low=0.5, high=2.0)
 
 def driven(scenario: Scenario, controller, seeds: list[int], n_steps: int, first: int = 0):
     """Mean stage cost of each row from step `first` on, the commands given, and the last memory."""
-    plant = Plant(scenario, len(seeds), show_channels=False)
+    plant = Plant(scenario, len(seeds))
     plant.begin(np.ones(len(seeds), dtype=bool), np.array(seeds))
     memory, cost, actions = None, np.zeros(len(seeds)), []
     for step in range(n_steps):
