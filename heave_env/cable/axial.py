@@ -630,7 +630,9 @@ def fill_parameters(S: Array, cable: Cable, payload: Payload) -> None:
 
 def _make_march(fingerprint: int):
     @njit(cache=True, error_model="numpy")
-    def march(state, n_elements, n_iterations, dt, tension_only, hookean, sheave, length, out, envelope):
+    def march(
+        state, scratch, n_elements, n_iterations, dt, tension_only, hookean, sheave, length, out, envelope
+    ):  # fmt: skip
         """Drives one cable through given sheave displacements and lengths.
 
         Fills `out` (n_steps + 1, 6) and the least and most tension of each element, `envelope` (2,
@@ -638,7 +640,6 @@ def _make_march(fingerprint: int):
         """
         if fingerprint == 0:
             return -1, 0.0
-        scratch = np.empty(N_SCRATCH + N_WORK_FIELDS * (n_elements + 1))
         S, W = block_at(state.ctypes.data, 0, 1, 0), block_at(scratch.ctypes.data, 0, 1, 0)
         nodes, work = N_FIXED, N_SCRATCH
         bottom = nodes + N_NODE_FIELDS * n_elements
@@ -941,6 +942,7 @@ class AxialSolver:
         out = np.empty((len(sheave), 6))
         failed, residual = _march(
             S,
+            np.empty(N_SCRATCH + n_work_rows(self.n_elements)),
             self.n_elements,
             self.n_iterations,
             dt,
