@@ -32,6 +32,16 @@ _STAGE_FILES = (
 )
 
 
+def entry_point(function: Any, *argument_types: Any) -> Any:
+    """The compiled function itself, compiled now or found on disk if need be.
+
+    Numba's own way to it looks the types of all arguments up in each call, which takes longer than a step of
+    a short cable. This one trusts that they are what it is told here.
+    """
+    function.compile(argument_types)
+    return function.overloads[argument_types].entry_point
+
+
 def source_fingerprint() -> int:
     """A number that changes whenever the source of any stage does.
 

@@ -37,6 +37,7 @@ from heave_env.lanes import (
     converted,
     counting,
     fused,
+    integers_at,
     lane,
     lane_of,
     lanes_of,
@@ -50,7 +51,6 @@ from heave_env.lanes import (
 )
 from heave_env.layout import (
     ACTING_COMMAND,
-    ACTION,
     BOOM_TIP_BELOW,
     BOOM_TIP_HEAVE,
     BOOM_TIP_HEAVE_RATE,
@@ -157,6 +157,8 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     ADDRESS_OBSERVATION,
     ADDRESS_REWARD,
     ADDRESS_OUTCOME,
+    ADDRESS_ACTIONS,
+    ADDRESS_BEGINS,
     N_ENVS,
     N_ROWS,
     N_OBSERVED,
@@ -209,8 +211,11 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     WORK_FILTER,
     WORK_NOISE,
     WORK_CABLE,
+    KEEPS_TENSIONS,
     N_CONFIGURATION,
-) = range(59)
+) = range(62)
+# What a call is told of: its share of the blocks, and a scratch block of its own.
+SHARE_CONFIGURATION, SHARE_SCRATCH, SHARE_FIRST_BLOCK, SHARE_LAST_BLOCK = range(4)
 
 CONTROL_DT = 0
 """Place of the control step [s] in `tables`, which begins with it."""
@@ -557,6 +562,7 @@ def _cable_substep(S, W, cfg, dt):
         dt,
         cfg[TENSION_ONLY] == 1,
         cfg[HOOKEAN] == 1,
+        cfg[KEEPS_TENSIONS] == 1,
     )
     work = S[SHEAVE_TENSION] * hauled
     share = where(work > constant(S, 0.0), S[SUPPLY_PER_WORK], S[RETURNED_SHARE])
@@ -816,41 +822,37 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
     """The kernel for blocks of `n_lanes` environments, in single or double precision."""
     itemsize = 4 if single else 8
 
-    @njit(cache=True, nogil=True, error_model="numpy")
-    def advance(cfg, position, actions, scratch, first_block, last_block):
-        """Advances every row of the blocks by one control step, under the given actions.
+    # A single environment's step is over before another thread could use the time.
+    @njit(cache=True, nogil=n_lanes > 1, error_model="numpy")
+    def advance(share, position):
+        """Advances every row of some blocks by one control step, under the actions that the plant holds.
 
         Args:
-            cfg: Integer configuration, with the addresses of the plant's memory.
+            share: Address of four integers: configuration, scratch block, first block and the block to stop
+                before.
             position: Control steps that the batch has made: where the rings stand.
-            actions: Fractions of the command range, (n_envs,), float64.
-            scratch: Address of the scratch block.
-            first_block: First block to advance.
-            last_block: The block to stop before.
         """
         if fingerprint == 0:
             return
         align_stack()
+        cfg = integers_at(integers_at(share)[SHARE_CONFIGURATION])
         tables = block_at(cfg[ADDRESS_TABLES], 0, 1, 0)
-        W = block_at(scratch, single, n_lanes, plain)
+        W = block_at(integers_at(share)[SHARE_SCRATCH], single, n_lanes, plain)
         n_substeps, n_sensors = cfg[N_SUBSTEPS], cfg[N_SENSORS]
         control_dt = tables[CONTROL_DT]
         command_slot = position % (cfg[N_PENDING] + 1)
         slot = (position + 1) % cfg[SENSOR_RING]
         n_sea_quads = _n_sea_quads(cfg)
         zero, one = constant(W, 0.0), constant(W, 1.0)
-        for block in range(first_block, last_block):
+        for block in range(integers_at(share)[SHARE_FIRST_BLOCK], integers_at(share)[SHARE_LAST_BLOCK]):
             S = block_at(
                 cfg[ADDRESS_STATE] + block * cfg[N_ROWS] * (n_lanes * itemsize), single, n_lanes, plain
             )
             I = words_at(cfg[ADDRESS_COUNTERS] + block * (N_COUNTERS * n_lanes * 8), n_lanes, plain)
             first_row = block * n_lanes
             n_rows = min(n_lanes, cfg[N_ENVS] - first_row)
-            if n_rows < n_lanes:
-                W[ACTION] = zero
-            for number in range(n_rows):
-                lane_of(W, number)[ACTION] = converted(lane_of(W, 0), actions[first_row + number])
-            action = W[ACTION]
+            actions = block_at(cfg[ADDRESS_ACTIONS] + first_row * 8, 0, n_lanes, plain)
+            action = converted(S, actions[0])
             command = maximum(minimum(action, one), -one) * S[COMMAND_RANGE]
             S[SATURATED] = where(absolute(action) >= one, one, zero)
             S[COMMAND] = command
@@ -884,23 +886,26 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
             observation = block_at(cfg[ADDRESS_OBSERVATION] + first_row * cfg[N_OBSERVED] * 4, 1, 1, 0)
             _observe(S, W, cfg, slot, command_slot, observation, n_rows)
 
-    @njit(cache=True, nogil=True, error_model="numpy")
-    def begin(cfg, position, mask, scratch):
-        """Begins a new episode in the masked rows: the sea stationary, cable and payload hanging still,
-        the winch at rest or in the middle of compensating.
+    @njit(cache=True, nogil=n_lanes > 1, error_model="numpy")
+    def begin(share, position):
+        """Begins a new episode in the rows that the plant marked: the sea stationary, cable and payload
+        hanging still, the winch at rest or in the middle of compensating.
 
-        The seeds and episodes must stand in the counters; `position` is where the rings stand now. The mask
-        is as long as all blocks together: lanes beyond the last environment run along and need a state too.
+        The arguments are those of `advance`, but all blocks are looked at. The seeds and episodes must stand
+        in the counters. There is a mark for each lane of each block: lanes beyond the last environment run
+        along and need a state too.
         """
         if fingerprint == 0:
             return
         align_stack()
+        cfg = integers_at(integers_at(share)[SHARE_CONFIGURATION])
         tables = block_at(cfg[ADDRESS_TABLES], 0, 1, 0)
-        W = lane_of(block_at(scratch, single, n_lanes, plain), 0)
+        W = lane_of(block_at(integers_at(share)[SHARE_SCRATCH], single, n_lanes, plain), 0)
+        begins = integers_at(cfg[ADDRESS_BEGINS])
         command_slot = (position + cfg[N_PENDING]) % (cfg[N_PENDING] + 1)
         slot = position % cfg[SENSOR_RING]
-        for row in range(len(mask)):
-            if not mask[row]:
+        for row in range(-(-cfg[N_ENVS] // n_lanes) * n_lanes):
+            if begins[row] == 0:
                 continue
             block, number = row // n_lanes, row % n_lanes
             address = cfg[ADDRESS_STATE] + block * cfg[N_ROWS] * (n_lanes * itemsize)
@@ -960,7 +965,7 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
     return advance, begin
 
 
-BATCH_LANES = {"float64": 32, "float32": 64}
+BATCH_LANES = {"float64": 16, "float32": 32}
 """Environments per block of a batch, by precision."""
 KERNELS = {
     (dtype, n_lanes): _make(int(dtype == "float32"), n_lanes, 0, source_fingerprint())

@@ -5,10 +5,10 @@ one value, `S[row] = value` writes it; what a stage computes between the two it 
 block of one lane the same lines mean plain numbers, so that the kernel of a single environment is the plain
 twin of every batch. `lane_of` looks at one lane of a wide block in that way, for what is seldom done.
 
-The values take + - * / and comparisons (which give masks, joined by & | ^), `negated`, `where`, `minimum`, `maximum`,
-`absolute`, `square_root`, `floor`, and `fused` for a x + b with one rounding. Each lane meets the IEEE
-operation itself, never reassociated, whatever the number of lanes: that makes single and batch equal to the
-last bit. Beside floats there are unsigned 64-bit lanes, for random words.
+The values take + - * / and comparisons (which give masks, joined by & | ^), `negated`, `where`, `minimum`,
+`maximum`, `absolute`, `square_root`, `floor`, and `fused` for a x + b with one rounding. Each lane meets the
+IEEE operation itself, never reassociated, whatever the number of lanes: that makes single and batch equal to
+the last bit. Beside floats there are unsigned 64-bit lanes, for random words.
 
 Compilers make vectors of loops when they can prove that it is safe; here they are LLVM vectors by
 construction. Blocks made `plain` compute the same in loops over the lanes: tests hold one to the other.
@@ -21,7 +21,6 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-
 from numba import types
 from numba.core import cgutils
 from numba.core.cgutils import ir
@@ -55,6 +54,7 @@ _MACHINE = {
     types.float32: ir.FloatType(),
     types.float64: ir.DoubleType(),
     types.uint64: ir.IntType(64),
+    types.int64: ir.IntType(64),
     types.boolean: ir.IntType(1),
 }
 
@@ -287,6 +287,12 @@ def words_at(typing_context, address, n_lanes, plain):
     return _block_from_address(types.uint64, n_lanes, bool(_literal(plain)), (address, n_lanes, plain))
 
 
+@intrinsic
+def integers_at(typing_context, address):
+    """Integers at an address, one after the other."""
+    return _block_from_address(types.int64, types.literal(1), False, (address,))
+
+
 def _block_from_address(dtype, n_lanes, plain, arguments):
     width = _literal(n_lanes)
     block = Block(dtype, width, width, plain)
@@ -318,6 +324,22 @@ def lanes_of(typing_context, block, first, n_lanes):
         return None
     part = Block(block.dtype, _literal(n_lanes), block.stride, block.plain)
     return part(block, first, n_lanes), _begin_at_lane
+
+
+@intrinsic
+def numbers_from(typing_context, block, row):
+    """The memory of a block from a row on as plain numbers, one after the other."""
+    if not isinstance(block, Block):
+        return None
+
+    def generate(context, builder, called, values):
+        start = builder.mul(
+            context.cast(builder, values[1], called.args[1], types.intp),
+            ir.Constant(ir.IntType(64), block.stride),
+        )
+        return builder.gep(values[0], [start], inbounds=True)
+
+    return Block(block.dtype, 1, 1, block.plain)(block, row), generate
 
 
 # Functions of values ---------------------------------------------------------------------------------

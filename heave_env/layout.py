@@ -161,8 +161,7 @@ LINEAR_GAP = 26
 WINCH_GAP = 27
 SHOWN = 28
 STEP_MOVED = 29
-ACTION = 30
-N_SCRATCH = 31
+N_SCRATCH = 30
 
 # Fields of a node in the scratch block; what is called tension and stiffness belongs to the element below.
 SUPER = 0

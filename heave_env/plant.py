@@ -12,12 +12,13 @@ from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numba import types
 from scipy.linalg import expm
 
 from heave_env import kernel as k
 from heave_env import layout as rows
-from heave_env.cable.axial import fill_parameters, n_cable_rows, n_work_rows
-from heave_env.compiled import announce_compilation
+from heave_env.cable.axial import fill_parameters, fill_work, n_cable_rows, n_work_rows
+from heave_env.compiled import announce_compilation, entry_point
 from heave_env.lanes import aligned_zeros
 from heave_env.parameters import LinearPayload, Winch
 from heave_env.scenarios import Scenario
@@ -150,6 +151,7 @@ class Plant:
         dtype: str = "float64",
         n_steps: int | None = None,
         n_threads: int = 1,
+        keeps_tensions: bool = False,
     ) -> None:
         """Lays the scenario out in buffers.
 
@@ -159,6 +161,7 @@ class Plant:
             dtype: Precision of the physics, "float64" or "float32".
             n_steps: Control steps of an episode; the scenario's own if not given.
             n_threads: Threads that share the blocks of a large batch.
+            keeps_tensions: Whether `element_tensions` is wanted.
 
         Raises:
             ValueError: If an argument is impossible, or a recording cannot be used.
@@ -172,6 +175,7 @@ class Plant:
         self.n_envs = int(n_envs)
         self.dtype = dtype
         self.n_steps = scenario.n_steps if n_steps is None else n_steps
+        self._keeps_tensions = keeps_tensions
         self.n_lanes = 1 if n_envs == 1 else k.BATCH_LANES[dtype]
         self.n_blocks = -(-self.n_envs // self.n_lanes)
         self._lay_out()
@@ -179,7 +183,8 @@ class Plant:
         n_lanes = self.n_blocks * self.n_lanes
         self._reward = aligned_zeros((n_lanes,), np.float64)
         self._outcome = aligned_zeros((n_lanes,), np.int64)
-        self._begins = np.ones(n_lanes, dtype=np.bool_)
+        self._actions = aligned_zeros((n_lanes,), np.float64)
+        self._begins = np.ones(n_lanes, dtype=np.int64)
         self.observation = np.zeros((self.n_envs, len(scenario.observation_names)), dtype=np.float32)
         self.drawn = np.zeros((self.n_envs, len(scenario.uncertainty)))
         self._position = 0
@@ -189,6 +194,8 @@ class Plant:
         n_scratch = int(self._cfg[k.WORK_CABLE])
         n_scratch += 0 if scenario.is_linear else n_work_rows(scenario.n_elements)
         self._scratch = aligned_zeros((n_threads, n_scratch, self.n_lanes), dtype)
+        for scratch in self._scratch[:, self._cfg[k.WORK_CABLE] :] if not scenario.is_linear else ():
+            fill_work(scratch)
         self._pool = ThreadPoolExecutor(n_threads) if n_threads > 1 else None
         self._bind()
 
@@ -201,21 +208,52 @@ class Plant:
         cfg[k.ADDRESS_OBSERVATION] = self.observation.ctypes.data
         cfg[k.ADDRESS_REWARD] = self._reward.ctypes.data
         cfg[k.ADDRESS_OUTCOME] = self._outcome.ctypes.data
+        cfg[k.ADDRESS_ACTIONS] = self._actions.ctypes.data
+        cfg[k.ADDRESS_BEGINS] = self._begins.ctypes.data
         self.reward, self.outcome = self._reward[: self.n_envs], self._outcome[: self.n_envs]
         shown = self._state[:, : rows.N_CHANNELS]
         self._channel_rows = shown[0, :, 0] if self.n_lanes == 1 else shown
-        self._advance, self._begin = k.KERNELS[self.dtype, self.n_lanes]
-        addresses = [scratch.ctypes.data for scratch in self._scratch]
-        self._shares = [(address, a, b) for address, (a, b) in zip(addresses, self._cuts, strict=True)]
+        self._shares = np.array(
+            [
+                (cfg.ctypes.data, scratch.ctypes.data, a, b)
+                for scratch, (a, b) in zip(self._scratch, self._cuts, strict=True)
+            ]
+        )
+        self._calls = [share.ctypes.data for share in self._shares]
+        self._first_call = self._calls[0]
+        self._advance, self._begin = self._advance_at_first, self._begin_at_first
+
+    def _compile(self) -> None:
+        """Puts the compiled functions in place of the two below, which stand for them until then."""
+        advance, begin = k.KERNELS[self.dtype, self.n_lanes]
+        self._begin = entry_point(begin, types.int64, types.int64)
+        self._advance = entry_point(advance, types.int64, types.int64)
+
+    def _advance_at_first(self, share: int, position: int) -> None:
+        self._compile()
+        self._advance(share, position)
+
+    def _begin_at_first(self, share: int, position: int) -> None:
+        self._compile()
+        self._begin(share, position)
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but the compiled functions, views and addresses."""
-        bound = {"reward", "outcome", "_channel_rows", "_advance", "_begin", "_shares"}
+        bound = {
+            "reward",
+            "outcome",
+            "_channel_rows",
+            "_advance",
+            "_begin",
+            "_shares",
+            "_calls",
+            "_first_call",
+        }
         return {name: value for name, value in self.__dict__.items() if name not in bound}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
         self.__dict__.update(state)
-        for name in ("_state", "_counters", "_reward", "_outcome", "_scratch"):
+        for name in ("_state", "_counters", "_reward", "_outcome", "_actions", "_scratch"):
             given = self.__dict__[name]
             self.__dict__[name] = aligned_zeros(given.shape, given.dtype)
             self.__dict__[name][...] = given
@@ -252,6 +290,7 @@ class Plant:
         cfg[k.SENSORS_VARY] = "sensors" in scenario.varies
         cfg[k.DELAY_VARIES] = any(draw.parameter == "winch.command_delay" for draw in scenario.uncertainty)
         cfg[k.HOOKEAN] = scenario.is_hookean
+        cfg[k.KEEPS_TENSIONS] = self._keeps_tensions
         cfg[k.CHARGES_ENERGY] = scenario.task.energy_weight > 0.0
         cfg[k.HAS_COMPENSATOR] = scenario.compensator is not None
         cfg[k.SENSORS_ERR] = not all(sensor.is_plain for sensor in sensors)
@@ -410,9 +449,9 @@ class Plant:
             for row in place:
                 self._draw(int(row))
         self._begins[: self.n_envs] = mask
-        self._begin(self._cfg, self._position, self._begins, self._shares[0][0])
+        self._begin(self._first_call, self._position)
         # Those beyond the last environment have a state now.
-        self._begins[self.n_envs :] = False
+        self._begins[self.n_envs :] = 0
 
     def _draw(self, row: int) -> None:
         """Draws the uncertain numbers of a row's new episode and lays its own plant out."""
@@ -432,11 +471,14 @@ class Plant:
 
     def advance(self, actions: Array) -> None:
         """Advances every row by one control step under actions in [-1, 1], (n_envs,), float64."""
-        if self._pool is None:
-            self._advance(self._cfg, self._position, actions, *self._shares[0])
+        if self.n_envs == 1:
+            self._actions[0] = actions[0]
         else:
-            given = (self._cfg, self._position, actions)
-            work = [self._pool.submit(self._advance, *given, *share) for share in self._shares]
+            self._actions[: self.n_envs] = actions
+        if self._pool is None:
+            self._advance(self._first_call, self._position)
+        else:
+            work = [self._pool.submit(self._advance, call, self._position) for call in self._calls]
             for done in work:
                 done.result()
         self._position += 1
@@ -465,7 +507,10 @@ class Plant:
         return self._state[:, row, :].ravel()[: self.n_envs].astype(np.float64)
 
     def element_tensions(self, row: int) -> Array | None:
-        """Tension of each element of one row's cable, sheave to payload [N]; None without a cable."""
+        """Tension of each element of one row's cable, sheave to payload [N]; None without a cable.
+
+        Those of the beginning, unless the plant was told to keep them.
+        """
         if self.scenario.is_linear:
             return None
         block, lane = divmod(row, self.n_lanes)

@@ -3,8 +3,8 @@
 A draw is addressed by (seed of the row, episode since seeding, stream, step within the episode,
 index), so it is the same whatever the batch size, the threads or the actions. Logarithm, sine and
 cosine are computed here from their series: no mathematical library of the machine has a say in the
-sea, and the same address gives the same bits alone and in a batch. Every function takes plain numbers or lanes
-of them (`heave_env.lanes`); in single precision the words are the same and the series shorter.
+sea, and the same address gives the same bits alone and in a batch. Every function takes plain numbers or
+lanes of them (`heave_env.lanes`); in single precision the words are the same and the series shorter.
 
 Source: Salmon et al. (2011), Philox4x32-10; Box and Muller (1958).
 """

@@ -46,7 +46,17 @@ from heave_env.cable.constitutive import (
 )
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.compiled import seldom, source_fingerprint, stage
-from heave_env.lanes import absolute, align_stack, block_at, constant, fused, maximum, minimum, where
+from heave_env.lanes import (
+    absolute,
+    align_stack,
+    block_at,
+    constant,
+    fused,
+    maximum,
+    minimum,
+    numbers_from,
+    where,
+)
 from heave_env.layout import (
     CABLE_CUBIC,
     CABLE_DAMPING,
@@ -198,6 +208,13 @@ def _linear_law(S, W, dt):
 
 
 @stage
+def _share_below(S, W, work, j, n_elements):
+    """Share g of the length that lies below node j, and g², from the table that `fill_work` left."""
+    table = numbers_from(W, work + N_WORK_FIELDS * (n_elements + 1))
+    return constant(S, table[2 * j]), constant(S, table[2 * j + 1])
+
+
+@stage
 def _node(S, W, numbers, j, nodes, work, n_elements, e_above, e_below, is_linear, first):
     """Momentum balance of node j in the increments D: what multiplies D above and below (with the sign
     reversed), the diagonal, and the load.
@@ -206,13 +223,25 @@ def _node(S, W, numbers, j, nodes, work, n_elements, e_above, e_below, is_linear
     not displacements: the forces that balance at rest then cancel before they are multiplied by M/dt², which
     is what makes single precision good enough.
     """
-    beta, V, inertia, momentum, steady, twice_drag, of_mass, of_drag, carried, curving, k, k_pulling = numbers
-    distance = 1.0 - j / n_elements
-    g, g_squared = constant(S, distance), constant(S, distance * distance)
+    (
+        inertia,
+        momentum,
+        steady,
+        drag,
+        carried_drag,
+        damping_drag,
+        of_mass,
+        of_drag,
+        carried,
+        curving,
+        k,
+        k_pulling,
+    ) = numbers
+    g, g_squared = _share_below(S, W, work, j, n_elements)
     here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
     w = S[here + VELOCITY] if first else W[element + TRIAL_VELOCITY]
-    drag_slope = twice_drag * absolute(w)
-    gradient = g * fused(of_drag, drag_slope, of_mass)
+    speed = absolute(w)
+    gradient = g * fused(of_drag, speed, of_mass)
     bend = e_below - e_above
     if is_linear:
         stiff = fused(-g_squared, curving, k)
@@ -227,10 +256,9 @@ def _node(S, W, numbers, j, nodes, work, n_elements, e_above, e_below, is_linear
         pull = W[element + ELEMENT_TENSION] - W[element - N_WORK_FIELDS + ELEMENT_TENSION]
         load = fused(-curvature, bend, steady) + pull
         diagonal = inertia + (k_above + k_below)
-    diagonal = fused(beta, drag_slope, diagonal)
-    load = fused(momentum, S[here + VELOCITY], load)
     # Drag linearised about w: its slope times the velocity, less what that counts too much.
-    load = fused(drag_slope, fused(constant(S, 0.5), w, -V), load)
+    diagonal = fused(damping_drag, speed, diagonal)
+    load = fused(speed, fused(drag, w, carried_drag), fused(momentum, S[here + VELOCITY], load))
     load = fused(fused(g, carried, -gradient), e_above + e_below, load)
     return above, below, diagonal, load
 
@@ -262,14 +290,14 @@ def _forward_pass(S, W, nodes, work, n_elements, dt, is_linear, first):
     k, damping = _linear_law(S, W, dt)
     momentum, difference = mass * beta, kappa * constant(S, 0.5 / h)
     numbers = (
-        beta,
-        V,
         momentum * beta,
         momentum,
         weight - momentum * V,
-        two * drag,
+        drag,
+        -(two * drag * V),
+        two * drag * beta,
         difference * mass * (two * beta - kappa),
-        difference,
+        difference * (two * drag),
         difference * momentum,
         constant(S, 1.0 / (h * h)) * mass * kappa * kappa,
         k,
@@ -369,7 +397,7 @@ def _trial_velocities(S, W, nodes, work, n_elements, dt):
         here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
         gained = W[element + N_WORK_FIELDS + INCREMENT] - W[element - N_WORK_FIELDS + INCREMENT]
         old = S[here + N_NODE_FIELDS + DISPLACEMENT] - S[here - N_NODE_FIELDS + DISPLACEMENT]
-        g = constant(S, 1.0 - j / n_elements)
+        g, _ = _share_below(S, W, work, j, n_elements)
         W[element + TRIAL_VELOCITY] = half * _middle_velocity(
             numbers, g, W[element + INCREMENT], old + gained
         )
@@ -418,17 +446,9 @@ def element_stiffness(S, W, work, dt, tension_only, hookean):
 
 
 @stage
-def show_tensions(S, nodes, n_elements, least, most, tension_only):
-    """Tensions at the two ends from those of the elements, and the extremes along the cable so far."""
+def _show_tensions(S, top, end, least, most):
+    """Tensions at the two ends, and the extremes along the cable so far."""
     zero = constant(S, 0.0)
-    last, second = n_elements - 1, min(1, n_elements - 1)
-    top = _end_tension(S, S[nodes + TENSION], S[nodes + N_NODE_FIELDS * second + TENSION], tension_only)
-    end = _end_tension(
-        S,
-        S[nodes + N_NODE_FIELDS * last + TENSION],
-        S[nodes + N_NODE_FIELDS * (last - second) + TENSION],
-        tension_only,
-    )
     S[SHEAVE_TENSION], S[PAYLOAD_TENSION] = top, end
     least, most = minimum(least, minimum(top, end)), maximum(most, maximum(top, end))
     S[TENSION_MIN], S[TENSION_MAX] = least, most
@@ -436,47 +456,58 @@ def show_tensions(S, nodes, n_elements, least, most, tension_only):
 
 
 @stage
-def cable_move(S, W, nodes, work, n_elements, dt, tension_only, hookean):
+def cable_move(S, W, nodes, work, n_elements, dt, tension_only, hookean, keeps_tensions):
     """Moves the nodes on by twice their increments to mid-step and reads the tensions off.
 
-    These are means over the solver step, the very tensions that moved the nodes.
+    These are means over the solver step, the very tensions that moved the nodes. Element by element they are
+    left in the nodes only if that is asked for: a batch would carry them through its memory for nothing.
     """
     if not hookean:
         _relax(S, W, nodes, work, n_elements, tension_only)
     is_linear, numbers = hookean and not tension_only, _velocity_numbers(S, W, n_elements, dt)
-    least, most, two = S[TENSION_MIN], S[TENSION_MAX], constant(S, 2.0)
-    k, damping = _linear_law(S, W, dt)
-    U, increment = S[nodes + DISPLACEMENT], W[work + INCREMENT]
-    stretched = constant(S, 0.0)
+    zero, two, k = constant(S, 0.0), constant(S, 2.0), constant(S, 1.0)
+    last, second = n_elements - 1, min(1, n_elements - 1)
+    law = _linear_law(S, W, dt)
+    of_first = _element_tension(S, W, nodes, work, 0, law, tension_only, is_linear)
+    of_second = _element_tension(S, W, nodes, work, second, law, tension_only, is_linear)
+    of_last = _element_tension(S, W, nodes, work, last, law, tension_only, is_linear)
+    of_last_but_one = _element_tension(S, W, nodes, work, last - second, law, tension_only, is_linear)
+    top = _end_tension(S, of_first, of_second, tension_only)
+    end = _end_tension(S, of_last, of_last_but_one, tension_only)
+    # The extremes of a linear cable are looked for in its elongations, tension over stiffness.
+    damped = zero
+    if is_linear:
+        k = law[0]
+        damped = law[1] / k
+    least, most = constant(S, np.inf), constant(S, -np.inf)
+    U, increment, stretched = S[nodes + DISPLACEMENT], W[work + INCREMENT], zero
     S[nodes + DISPLACEMENT] = W[SHEAVE_NEW]
     for j in range(n_elements):
         here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
-        U_below, increment_below = (
-            S[here + N_NODE_FIELDS + DISPLACEMENT],
-            W[element + N_WORK_FIELDS + INCREMENT],
-        )
+        U_below = S[here + N_NODE_FIELDS + DISPLACEMENT]
+        increment_below = W[element + N_WORK_FIELDS + INCREMENT]
         elongation, gained = U_below - U, increment_below - increment
         middle = elongation + gained
         if j > 0:
-            g = constant(S, 1.0 - j / n_elements)
-            S[here + VELOCITY] = (
-                _middle_velocity(numbers, g, increment, stretched + middle) - S[here + VELOCITY]
-            )
+            g, _ = _share_below(S, W, work, j, n_elements)
+            velocity = _middle_velocity(numbers, g, increment, stretched + middle)
+            S[here + VELOCITY] = velocity - S[here + VELOCITY]
             S[here + DISPLACEMENT] = fused(two, increment, U)
         if is_linear:
-            tension = fused(k, middle, -(damping * elongation))
+            tension = fused(-damped, elongation, middle)
         else:
             tension = fused(W[element + ELEMENT_STIFFNESS], gained, W[element + ELEMENT_TENSION])
             if tension_only:
-                tension = maximum(tension, constant(S, 0.0))
-        S[here + TENSION] = tension
+                tension = maximum(tension, zero)
+        if keeps_tensions:
+            S[here + TENSION] = k * tension
         least, most = minimum(tension, least), maximum(tension, most)
         U, increment, stretched = U_below, increment_below, middle
     bottom = nodes + N_NODE_FIELDS * n_elements
-    zero = constant(S, 0.0)
     S[bottom + VELOCITY] = _middle_velocity(numbers, zero, increment, zero) - S[bottom + VELOCITY]
     S[bottom + DISPLACEMENT] = fused(two, increment, U)
-    show_tensions(S, nodes, n_elements, least, most, tension_only)
+    least, most = minimum(k * least, S[TENSION_MIN]), maximum(k * most, S[TENSION_MAX])
+    _show_tensions(S, top, end, least, most)
 
 
 @stage
@@ -491,7 +522,12 @@ def _iterate(S, W, nodes, work, n_elements, dt, tension_only, hookean, first):
 
 @seldom
 def cable_solve(S, W, nodes, work, n_elements, n_iterations, dt, tension_only, hookean):
-    """Finds what every node gains in one solver step and leaves it in `INCREMENT`; nothing has moved yet."""
+    """Finds what every node gains in one solver step and leaves it in `INCREMENT`; nothing has moved yet.
+
+    Reads the sheave's displacement and the length at both ends of the step (`SHEAVE_OLD`, `SHEAVE_NEW`,
+    `LENGTH_OLD`, `LENGTH`). The nodes stand from row `nodes` of S on; the rows of W from `work` on, with the
+    table of `fill_work`, help.
+    """
     align_stack()
     _begin_step(S, W, n_elements)
     for iteration in range(n_iterations):
@@ -501,20 +537,8 @@ def cable_solve(S, W, nodes, work, n_elements, n_iterations, dt, tension_only, h
 
 
 @stage
-def cable_step(S, W, nodes, work, n_elements, n_iterations, dt, tension_only, hookean):
-    """Advances cable and payload by one solver step.
-
-    Reads the sheave's displacement and the length at both ends of the step (`SHEAVE_OLD`, `SHEAVE_NEW`,
-    `LENGTH_OLD`, `LENGTH`); rewrites the nodes, which stand from row `nodes` of S on, with the help of the
-    rows of W from `work` on.
-    """
-    cable_solve(S, W, nodes, work, n_elements, n_iterations, dt, tension_only, hookean)
-    cable_move(S, W, nodes, work, n_elements, dt, tension_only, hookean)
-
-
-@stage
 def _settled_step(S, W, nodes, work, n_elements, n_iterations, dt, tension_only, hookean, trial):
-    """`cable_step` of a single lane; one that is not linear iterates on until its velocities settle.
+    """Advances one lane by a solver step; a cable that is not linear iterates until its velocities settle.
 
     Returns the last change of a velocity within an iteration [m/s], relative where that is above 1 m/s: zero
     for a linear cable, whose iterations are counted, not watched.
@@ -537,7 +561,7 @@ def _settled_step(S, W, nodes, work, n_elements, n_iterations, dt, tension_only,
             change /= fastest
             if iteration + 1 >= n_iterations and change <= _SETTLED:
                 break
-    cable_move(S, W, nodes, work, n_elements, dt, tension_only, hookean)
+    cable_move(S, W, nodes, work, n_elements, dt, tension_only, hookean, True)
     return change
 
 
@@ -591,8 +615,16 @@ def n_cable_rows(n_elements: int, *, hookean: bool) -> int:
 
 
 def n_work_rows(n_elements: int) -> int:
-    """Rows that the cable's solution takes in a scratch block [-]."""
-    return N_WORK_FIELDS * (n_elements + 1)
+    """Rows that the cable's solution takes in a scratch block [-], the last of which hold a table."""
+    return (N_WORK_FIELDS + 2) * (n_elements + 1)
+
+
+def fill_work(work: Array) -> None:
+    """Writes what the number of elements alone decides into the solution's rows, (n_work_rows, n_lanes)."""
+    n_nodes = len(work) // (N_WORK_FIELDS + 2)
+    below = 1.0 - np.arange(n_nodes) / max(n_nodes - 1, 1)
+    table = np.ravel(np.column_stack([below, below**2]))
+    work[N_WORK_FIELDS * n_nodes :].reshape(-1)[: len(table)] = table
 
 
 def hanging_elongation(
@@ -684,7 +716,13 @@ def _make_march(fingerprint: int):
                 for j in range(n_elements):
                     tension = S[nodes + N_NODE_FIELDS * j + TENSION]
                     least, most = min(least, tension), max(most, tension)
-                show_tensions(S, nodes, n_elements, least, most, tension_only)
+                last, second = n_elements - 1, min(1, n_elements - 1)
+                of_first, of_second = S[nodes + TENSION], S[nodes + N_NODE_FIELDS * second + TENSION]
+                of_last = S[nodes + N_NODE_FIELDS * last + TENSION]
+                of_last_but_one = S[nodes + N_NODE_FIELDS * (last - second) + TENSION]
+                top = _end_tension(S, of_first, of_second, tension_only)
+                end = _end_tension(S, of_last, of_last_but_one, tension_only)
+                _show_tensions(S, top, end, least, most)
             out[k, 0] = S[bottom + DISPLACEMENT]
             out[k, 1] = S[bottom + VELOCITY]
             out[k, 2] = S[SHEAVE_TENSION]
@@ -940,9 +978,11 @@ class AxialSolver:
     def _run(self, S: Array, sheave: Array, length: Array, dt: float, envelope: Array | None = None) -> Array:
         S[LENGTH] = length[0]
         out = np.empty((len(sheave), 6))
+        scratch = np.empty((N_SCRATCH + n_work_rows(self.n_elements), 1))
+        fill_work(scratch[N_SCRATCH:])
         failed, residual = _march(
             S,
-            np.empty(N_SCRATCH + n_work_rows(self.n_elements)),
+            scratch,
             self.n_elements,
             self.n_iterations,
             dt,
