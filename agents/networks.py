@@ -58,22 +58,37 @@ class Skip(nn.Module):
 
 
 class SkipExtractor(MlpExtractor):
-    """Separate networks of actor and critic; the actor's latent holds its features too."""
+    """Separate networks of actor and critic; the actor's latent holds its features too.
 
-    def __init__(self, feature_dim: int, *args: Any, **kwargs: Any) -> None:
-        super().__init__(feature_dim, *args, **kwargs)
-        self.latent_dim_pi += feature_dim
+    The actor sees the first `n_actor` features, the critic all of them.
+    """
+
+    def __init__(self, feature_dim: int, n_actor: int, **kwargs: Any) -> None:
+        super().__init__(feature_dim, **kwargs)
+        self.n_actor = n_actor
+        if n_actor < feature_dim:
+            self.policy_net = MlpExtractor(n_actor, **kwargs).policy_net
+        self.latent_dim_pi += n_actor
 
     def forward_actor(self, features: torch.Tensor) -> torch.Tensor:
-        return torch.cat([self.policy_net(features), features], dim=-1)
+        seen = features[..., : self.n_actor]
+        return torch.cat([self.policy_net(seen), seen], dim=-1)
 
 
 class SkipActorCriticPolicy(ActorCriticPolicy):
-    """PPO's policy with the linear skip."""
+    """PPO's policy with the linear skip, and a critic that may see what the actor does not."""
+
+    def __init__(self, *args: Any, n_actor: int | None = None, **kwargs: Any) -> None:
+        self.n_actor = n_actor
+        super().__init__(*args, **kwargs)
 
     def _build_mlp_extractor(self) -> None:
         self.mlp_extractor = SkipExtractor(
-            self.features_dim, net_arch=self.net_arch, activation_fn=self.activation_fn, device=self.device
+            self.features_dim,
+            self.features_dim if self.n_actor is None else self.n_actor,
+            net_arch=self.net_arch,
+            activation_fn=self.activation_fn,
+            device=self.device,
         )
 
 
@@ -170,11 +185,17 @@ def exported(model: BaseAlgorithm, card: Mapping[str, Any]) -> TrainedPolicy:
     activations = {name for layer in hidden for name, kind in ACTIVATIONS.items() if isinstance(layer, kind)}
     features = policy.features_extractor if type(model) is PPO else policy.actor.features_extractor
     last = policy.get_submodule(output_name)
-    tensors = {"features.weight": features.transform, "output.weight": last.weight, "output.bias": last.bias}
+    # What only the critic sees stands last.
+    n = layers[0].in_features
+    tensors = {
+        "features.weight": features.transform[:n, :n],
+        "output.weight": last.weight,
+        "output.bias": last.bias,
+    }
     for i, layer in enumerate(layers):
         tensors |= {f"hidden.{i}.weight": layer.weight, f"hidden.{i}.bias": layer.bias}
     architecture = Architecture(
-        n_observations=int(features.transform.shape[1]),
+        n_observations=n,
         feature_bound=float(features.bound),
         hidden=tuple(layer.out_features for layer in layers),
         activation=activations.pop(),

@@ -22,6 +22,7 @@ from safetensors import SafetensorError
 from safetensors.numpy import load as load_tensors
 from safetensors.numpy import save as save_tensors
 
+from agents.guide import Guide, guide_from_card
 from heave_env.files import write_atomic
 from heave_env.scenarios import Scenario, from_mapping, to_mapping
 
@@ -90,7 +91,7 @@ class Architecture:
 
 
 class TrainedPolicy:
-    """A trained agent as a `Controller`: deterministic, without memory, in float32."""
+    """A trained agent as a `Controller`: deterministic, in float32; its memory is its guide's, if any."""
 
     def __init__(
         self, architecture: Architecture, weights: Mapping[str, np.ndarray], card: Mapping[str, Any]
@@ -126,7 +127,12 @@ class TrainedPolicy:
         self.name: str = str(self.card["algorithm"])
         self.information_set: str = self.scenario.information_set
         self.measures: tuple[str, ...] = tuple(sensor.channel for sensor in self.scenario.observed_sensors)
-        n = architecture.n_observations
+        self.guide: Guide | None = None
+        """The designed controller beside it."""
+        if self.card.get("guide"):
+            self.guide = guide_from_card(self.card["guide"], self.scenario)
+        n = architecture.n_observations - (0 if self.guide is None else len(self.guide.feature_names))
+        self._n_observed = n
         self._gain, self._shift = np.ones(n, dtype=np.float32), np.zeros(n, dtype=np.float32)
         self._action_gain = np.float32(1.0)
 
@@ -137,30 +143,49 @@ class TrainedPolicy:
         episode_start: np.ndarray | None = None,
         deterministic: bool = True,
     ) -> tuple[np.ndarray, Any | None]:
-        """Returns actions in [-1, 1], shape `(n_envs, 1)`, or `(1,)` for one observation; no memory.
+        """Returns actions in [-1, 1], shape `(n_envs, 1)`, or `(1,)` for one observation, and the memory.
+
+        Args:
+            observation: (n_envs, n_observations), or (n_observations,) of a single environment.
+            state: The guide's memory as last returned, (n_envs, n_memory); None begins afresh.
+            episode_start: Rows that begin afresh, (n_envs,).
+            deterministic: Without effect.
 
         Raises:
             ValueError: If the observation has another number of entries than the policy was trained on.
         """
         x = np.asarray(observation, dtype=np.float32)
-        n = self.architecture.n_observations
+        n = self._n_observed
         if x.ndim not in (1, 2) or x.shape[-1] != n:
             raise ValueError(
                 f"this policy wants {n} observations per row ({self.information_set}), got shape {x.shape}: "
                 f"build the environment with information_set={self.information_set!r}"
             )
         x = x * self._gain + self._shift
+        if self.guide is None:
+            return np.clip(self.act(x) * self._action_gain, -1.0, 1.0).astype(np.float32), None
+        rows = np.atleast_2d(x)
+        memory = np.zeros((len(rows), self.guide.n_memory)) if state is None else np.asarray(state)
+        if episode_start is not None:
+            memory = np.where(np.asarray(episode_start, dtype=bool).reshape(-1, 1), 0.0, memory)
+        look = self.guide.look(rows, memory)
+        command = self.guide.command(look, self.act(np.hstack([rows, look.features])))
+        action = command / self.guide.controller.command_range * float(self._action_gain)
+        action = np.clip(action, -1.0, 1.0).astype(np.float32)
+        return (action[0] if x.ndim == 1 else action), self.guide.advance(memory, look, command)
+
+    def act(self, seen: np.ndarray) -> np.ndarray:
+        """The network's own action in [-1, 1], (..., 1): what it was trained to give for what it saw."""
         activation = ACTIVATIONS[self.architecture.activation]
         bound = np.float32(self.architecture.feature_bound)
-        features = latent = np.clip(x @ self.weights["features.weight"].T, -bound, bound)
+        features = latent = np.clip(seen @ self.weights["features.weight"].T, -bound, bound)
         for i in range(len(self.architecture.hidden)):
             latent = activation(
                 latent @ self.weights[f"hidden.{i}.weight"].T + self.weights[f"hidden.{i}.bias"]
             )
         latent = np.concatenate([latent, features], axis=-1)
         mean = latent @ self.weights["output.weight"].T + self.weights["output.bias"]
-        action = OUTPUTS[self.architecture.output](mean) * self._action_gain
-        return np.clip(action, -1.0, 1.0).astype(np.float32), None
+        return np.asarray(OUTPUTS[self.architecture.output](mean))
 
     def acting_in(self, scenario: Scenario) -> TrainedPolicy:
         """The policy reading another scenario's observations and commanding its winch, in SI the same.

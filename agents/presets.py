@@ -13,12 +13,15 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from agents.guide import MODES
 from heave_env.parameters import name_hint, require, require_integer, require_number
 from heave_env.scenarios import Scenario
 from heave_env.sensors import INFORMATION_SETS
 
 ALGORITHMS = ("ppo", "sac", "td3")
 """Algorithms that have presets."""
+KINDS = ("residual", "estimate")
+"""Kinds of agent beside that from sensors; their presets, as `ppo_residual.yaml`, go on the algorithm's."""
 PRESET_FOLDER = Path(__file__).parent / "presets"
 """Where the presets lie, a YAML file per algorithm."""
 
@@ -43,6 +46,19 @@ class Preset:
     warm_start: bool = False
     """Whether the policy starts as the linear fit of the reference's action to what the agent sees; false:
     it starts by doing nothing."""
+    guide: str | None = None
+    """Designed controller with a Kalman filter whose estimate the agent sees beside its observation; null:
+    none."""
+    guide_mode: str = "residual"
+    """What the agent's action is beside a guide: `residual`, added to the guide's command, or `estimate`, the
+    command."""
+    guide_reach: float = 0.1
+    """Share of the command range that a residual action of one adds [-]."""
+    privileged_critic: bool = False
+    """Whether the critic sees the plant's true state and parameters, PPO alone; the actor never does."""
+    logarithmic_reward: bool = False
+    """Whether the logarithm of the stage cost is learned from: where parameters are unknown a few rough
+    episodes would rule the mean."""
     excitation: float = 0.05
     """Deviation of the white noise on the action while that covariance is gathered [command range]."""
     feature_bound: float = 15.0
@@ -111,7 +127,16 @@ class Preset:
             require_number(self, field, positive=True)
         for field in ("final_learning_rate", "burn_in"):
             require_number(self, field, non_negative=True)
-        require(isinstance(self.warm_start, bool), self, "warm_start", "true or false")
+        for field in ("warm_start", "privileged_critic", "logarithmic_reward"):
+            require(isinstance(getattr(self, field), bool), self, field, "true or false")
+        require(self.guide_mode in MODES, self, "guide_mode", f"one of {', '.join(MODES)}")
+        require_number(self, "guide_reach", positive=True)
+        require(
+            self.algorithm == "ppo" or not self.privileged_critic,
+            self,
+            "privileged_critic",
+            "false for every algorithm but ppo",
+        )
         require_number(self, "gamma", positive=True)
         require(self.gamma < 1.0 or math.isclose(self.gamma, 1.0), self, "gamma", "at most 1")
         for field in ("hidden", "critic_hidden"):
@@ -133,16 +158,17 @@ def load_preset(
     Args:
         algorithm: One of `ALGORITHMS`.
         scenario: The scenario to train in; its name selects what differs from the default.
-        overrides: Settings by key, or a YAML file of them; `options` are merged key by key.
+        overrides: Settings by key, a YAML file of them, or one of `KINDS`; `options` are merged key by key.
 
     Raises:
         ValueError: If the algorithm, a key or a value is unknown or impossible.
     """
     if algorithm not in ALGORITHMS:
         raise ValueError(f"algorithm must be one of {', '.join(ALGORITHMS)}, got {algorithm!r}")
-    content = _read(PRESET_FOLDER / f"{algorithm}.yaml")
-    layers = [content["default"], content.get("scenarios", {}).get(scenario.name, {})]
-    if isinstance(overrides, (str, Path)):
+    layers = _layers(PRESET_FOLDER / f"{algorithm}.yaml", scenario)
+    if isinstance(overrides, str) and overrides in KINDS:
+        layers += _layers(PRESET_FOLDER / f"{algorithm}_{overrides}.yaml", scenario)
+    elif isinstance(overrides, (str, Path)):
         layers.append(_read(Path(overrides)))
     elif overrides is not None:
         layers.append(dict(overrides))
@@ -164,6 +190,12 @@ def load_preset(
         return Preset(algorithm=algorithm, options=options, **settings)
     except TypeError as error:
         raise ValueError(f"the preset of {algorithm} is incomplete: {error}") from error
+
+
+def _layers(path: Path, scenario: Scenario) -> list[dict[str, Any]]:
+    """A file's default settings, and what differs in a scenario."""
+    content = _read(path)
+    return [content["default"], content.get("scenarios", {}).get(scenario.name, {})]
 
 
 def _read(path: Path) -> dict[str, Any]:

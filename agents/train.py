@@ -34,8 +34,11 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from agents import checkpoint, networks
+from agents.guide import Guide, guide_from_card, make_guide
+from agents.guided_env import GuidedVecEnv, PrivilegedVecEnv, surroundings
 from agents.policy import TrainedPolicy, policy_card, save_policy
 from agents.presets import Preset, load_preset
 from agents.vec_env import HeaveVecEnv, ScaledReward
@@ -174,6 +177,8 @@ class Groundwork:
     """Whitened components are this times an observation, (n_observations, n_observations)."""
     gain: np.ndarray
     """Action per whitened component, (n_observations,); zero without a warm start."""
+    n_actor: int | None = None
+    """Leading components that the actor sees [-]; None: all of them."""
 
 
 def groundwork(scenario: Scenario, settings: Preset, first_sea: int) -> Groundwork:
@@ -217,6 +222,59 @@ def groundwork(scenario: Scenario, settings: Preset, first_sea: int) -> Groundwo
             )
             gain = np.zeros(len(gain))
     return Groundwork(transform, gain)
+
+
+def widened_groundwork(
+    scenario: Scenario, settings: Preset, guide: Guide | None, first_sea: int
+) -> Groundwork:
+    """The same where a guide's features or the truth stand behind the observation.
+
+    Each entry is first brought to unit deviation, for estimated states come in all units. The actor's are
+    then turned into principal components; the truth, which the critic alone sees, is only scaled. Beside a
+    guide the start is the guide itself: a residual of nothing, or the linear fit of its command.
+    """
+    n_rows, n_steps = 128, min(scenario.n_steps, 1500)
+    _, env = surroundings(scenario, n_rows, guide, privileged=settings.privileged_critic)
+    controller = None if guide is not None else _reference(scenario, settings.reference)
+    n_raw = len(scenario.observation_names)
+    n_actor = n_raw + (0 if guide is None else len(guide.feature_names))
+    rng = np.random.default_rng(first_sea)
+    env.seed(first_sea)
+    seen = np.asarray(env.reset())
+    memory: Any = None
+    wander = np.zeros((n_rows, 1))
+    observations, actions = [], []
+    for step in range(n_steps):
+        noise = settings.excitation * rng.standard_normal((n_rows, 1))
+        if guide is not None:
+            guided = env if isinstance(env, GuidedVecEnv) else env.venv  # type: ignore[union-attr]
+            action = guided.own_action  # type: ignore[union-attr]
+            # A residual is a share of its reach.
+            noise /= guide.reach if guide.mode == "residual" else 1.0
+        elif controller is not None:
+            action, memory = controller.predict(seen[:, :n_raw], memory)
+        else:
+            action = np.zeros((n_rows, 1))
+            wander = noise = 0.9 * wander + noise
+        if step >= n_steps // 4 and step % 5 == 0:
+            observations.append(seen.astype(np.float64))
+            actions.append(np.array(action[:, 0], dtype=np.float64))
+        env.step_async(np.clip(action + noise, -1.0, 1.0))
+        seen = np.asarray(env.step_wait()[0])
+    env.close()
+    gathered, given = np.concatenate(observations), np.concatenate(actions)
+    size = np.maximum(np.sqrt(np.mean(gathered**2, axis=0)), 1e-9)
+    scaled = gathered[:, :n_actor] / size[:n_actor]
+    variance, axes = np.linalg.eigh(scaled.T @ scaled / len(scaled))
+    floor = 1e-6 * float(variance[-1])
+    transform = np.diag(1.0 / size)
+    transform[:n_actor, :n_actor] = (axes / np.sqrt(np.maximum(variance, floor))).T / size[:n_actor]
+    gain: np.ndarray = np.zeros(n_actor)
+    if settings.warm_start and (controller is not None or (guide is not None and guide.mode == "estimate")):
+        components = gathered[:, :n_actor] @ transform[:n_actor, :n_actor].T
+        ridge = 1e-6 * len(components) * np.eye(n_actor)
+        gain = np.linalg.solve(components.T @ components + ridge, components.T @ given)
+    return Groundwork(transform, gain, n_actor)
 
 
 @dataclass(frozen=True)
@@ -315,6 +373,7 @@ def build_model(settings: Preset, env: ScaledReward, ground: Groundwork, seed: i
     }
     try:
         if settings.algorithm == "ppo":
+            policy["n_actor"] = ground.n_actor
             minibatches = int(options.pop("n_minibatches"))
             if "log_std_init" in options:
                 policy["log_std_init"] = float(options.pop("log_std_init"))
@@ -360,24 +419,31 @@ class _Training:
     def go(self) -> None:
         run, settings = self.run, self.settings
         saved = checkpoint.load_state(run.state_folder) if checkpoint.has_state(run.state_folder) else None
-        batch = HeaveVecEnv(
-            self.scenario, settings.n_envs, info=False, autoreset_mode=AutoresetMode.SAME_STEP
+        guide = self._guide()
+        batch, outer = surroundings(
+            self.scenario, settings.n_envs, guide, privileged=settings.privileged_critic
         )
         env = ScaledReward(
-            batch,
+            outer,
             gamma=settings.gamma,
             horizon=settings.reward_horizon,
             bound=settings.reward_bound,
             burn_in=round(settings.burn_in / self.scenario.control_dt),
+            logarithmic=settings.logarithmic_reward,
         )
-        if saved is None:
+        widened = guide is not None or settings.privileged_critic
+        if saved is not None:  # the weights that are about to be restored hold it
+            n = int(np.prod(outer.observation_space.shape or ()))
+            n_actor = len(self.scenario.observation_names)
+            n_actor += 0 if guide is None else len(guide.feature_names)
+            ground = Groundwork(np.eye(n), np.zeros(n_actor), n_actor if widened else None)
+        elif widened:
+            ground = widened_groundwork(self.scenario, settings, guide, self.first_sea)
+        else:
             ground = groundwork(self.scenario, settings, self.first_sea)
-        else:  # the weights that are about to be restored hold it
-            n = len(self.scenario.observation_names)
-            ground = Groundwork(np.eye(n), np.zeros(n))
         model = build_model(settings, env, ground, self.seed)
         env.seed(self.first_sea)
-        supervisor = _Supervisor(self, model, batch, env)
+        supervisor = _Supervisor(self, model, batch, env, guide)
         if saved is not None:
             supervisor.restore(*saved)
         model.set_logger(Logger(str(run.folder), [supervisor.curve, _tensorboard(run.folder)]))
@@ -409,6 +475,18 @@ class _Training:
             model.logger.close()
             env.close()
 
+    def _guide(self) -> Guide | None:
+        """The designed controller beside the agent: the preset's, or the one that this run began with."""
+        settings = self.settings
+        if settings.guide is None:
+            return None
+        if "guide" not in self.run.content:
+            guide = make_guide(
+                settings.guide, self.scenario, mode=settings.guide_mode, reach=settings.guide_reach
+            )
+            self.run.content["guide"] = dict(guide.card)
+        return guide_from_card(self.run.content["guide"], self.scenario)
+
 
 class _Supervisor(BaseCallback):
     """Everything that happens between rollouts: log, evaluate, keep, save, and give rows a new sea."""
@@ -416,10 +494,16 @@ class _Supervisor(BaseCallback):
     REFRESH_STEPS = 64
 
     def __init__(
-        self, training: _Training, model: BaseAlgorithm, batch: HeaveVecEnv, env: ScaledReward
+        self,
+        training: _Training,
+        model: BaseAlgorithm,
+        batch: HeaveVecEnv,
+        env: ScaledReward,
+        guide: Guide | None,
     ) -> None:
         super().__init__()
         self.model = model
+        self.guide = guide
         self.training, self.batch, self.env = training, batch, env
         self.folder, self.settings = training.run.folder, training.settings
         self.curve = _CurveFile(self.folder / "progress.csv")
@@ -486,8 +570,9 @@ class _Supervisor(BaseCallback):
         observation = self.model._last_obs
         assert isinstance(observation, np.ndarray)
         policy = self._policy(0)
+        n = policy.architecture.n_observations
         for _ in range(self.env.burn_in):
-            observation = np.asarray(self.env.step(policy.predict(observation)[0])[0])
+            observation = np.asarray(self.env.step(policy.act(observation[:, :n]))[0])
         self.model._last_obs = observation
 
     def _due(self, what: str, step: int, every: int) -> bool:
@@ -532,6 +617,7 @@ class _Supervisor(BaseCallback):
             training.scenario,
             algorithm=self.settings.algorithm,
             training={"seed": training.seed, "steps": step, **facts},
+            **({} if self.guide is None else {"guide": dict(self.guide.card)}),
         )
         return networks.exported(self.model, card)
 
@@ -574,7 +660,7 @@ class _Supervisor(BaseCallback):
         mask = rng.random(self.settings.n_envs) < elapsed / self.settings.mean_life
         mask |= self.env.wild_rows(elapsed)
         if mask.any():
-            self.model._last_obs = self.batch.env.reset_rows(mask)
+            self.model._last_obs = self.env.venv.reset_rows(mask)  # type: ignore[attr-defined]
             self.model._last_episode_starts = np.asarray(self.model._last_episode_starts) | mask
             self.env.forget(mask)
 
@@ -608,6 +694,13 @@ class _Supervisor(BaseCallback):
 
     # The state to go on from -----------------------------------------------------------------
 
+    def _wrappers(self) -> Iterator[VecEnvWrapper]:
+        """The wrappers between the reward and the batch, outermost first."""
+        wrapper = self.env.venv
+        while isinstance(wrapper, VecEnvWrapper):
+            yield wrapper
+            wrapper = wrapper.venv
+
     def _save_if_due(self, step: int) -> None:
         begin = time.monotonic()
         stop = self.interrupted.is_set()
@@ -616,6 +709,9 @@ class _Supervisor(BaseCallback):
         arrays, content = checkpoint.model_state(self.model)
         arrays |= {f"env/{name}": np.asarray(value) for name, value in self.batch.env.get_state().items()}
         arrays |= {f"reward/{name}": value for name, value in self.env.get_state().items()}
+        for wrapper in self._wrappers():
+            if isinstance(wrapper, GuidedVecEnv):
+                arrays |= {f"guide/{name}": value for name, value in wrapper.get_state().items()}
         if self.best is not None:
             arrays |= {f"best/{name}": value for name, value in self.best.weights.items()}
             content["best_card"] = self.best.card
@@ -637,6 +733,12 @@ class _Supervisor(BaseCallback):
         checkpoint.restore_model(self.model, arrays, content)
         self.batch.env.set_state(checkpoint.under(arrays, "env/"))
         self.env.set_state(checkpoint.under(arrays, "reward/"))
+        for wrapper in self._wrappers():
+            if isinstance(wrapper, GuidedVecEnv):
+                assert isinstance(self.model._last_obs, np.ndarray)
+                wrapper.set_state(checkpoint.under(arrays, "guide/"), self.model._last_obs)
+            elif isinstance(wrapper, PrivilegedVecEnv):
+                wrapper.look_again()
         self.evaluations = list(content["evaluations"])
         self.last = dict(content["last"])
         self._hold_actor(self.last["refresh"])

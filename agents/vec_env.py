@@ -83,6 +83,10 @@ class HeaveVecEnv(VecEnv):
                 infos[row]["TimeLimit.truncated"] = bool(truncated[row] and not terminated[row])
         return observation, reward.astype(np.float32), done, infos
 
+    def reset_rows(self, mask: np.ndarray) -> np.ndarray:
+        """Begins the next episode of the masked rows at once, and returns all observations."""
+        return self.env.reset_rows(mask)
+
     def close(self) -> None:
         """Closes the batch."""
         self.env.close()
@@ -148,6 +152,7 @@ class _All:
 _ALL = _All()
 
 
+_KNEE = 0.1  # of the mean cost: where the logarithm begins to be one
 _OUTLIER = 20.0  # times the median; a squared Gaussian is beyond once in 400 draws
 
 
@@ -169,7 +174,14 @@ class ScaledReward(VecEnvWrapper):
     """
 
     def __init__(
-        self, venv: VecEnv, *, gamma: float, horizon: float = 500.0, bound: float = 2.0, burn_in: int = 0
+        self,
+        venv: VecEnv,
+        *,
+        gamma: float,
+        horizon: float = 500.0,
+        bound: float = 2.0,
+        burn_in: int = 0,
+        logarithmic: bool = False,
     ) -> None:
         """Wraps a vector environment.
 
@@ -180,12 +192,17 @@ class ScaledReward(VecEnvWrapper):
             bound: Scaled rewards are cut off at ± this [-].
             burn_in: Steps after the beginning of an episode that earn nothing: how fast the start from
                 rest dies out says little about the operation, and costs a thousand times more.
+            logarithmic: Whether the logarithm of the stage cost is what is learned from, c to
+                log(1 + c / (0.1 of its running mean)): where parameters are unknown a few rough episodes
+                would rule the mean.
         """
         super().__init__(venv)
         self.gamma, self.horizon, self.bound, self.burn_in = gamma, horizon, bound, burn_in
+        self.logarithmic = logarithmic
         self._returns, self._clipped = np.zeros(venv.num_envs), np.zeros(venv.num_envs)
         self._age = np.zeros(venv.num_envs, dtype=np.int64)
         self._mean, self._variance, self._weight = 0.0, 0.0, 0.0
+        self._usual_cost = 0.0
         self._gathered_cost, self._gathered = 0.0, 0
 
     def reset(self) -> Any:
@@ -217,6 +234,11 @@ class ScaledReward(VecEnvWrapper):
         # Debiased exponential averages: exact from the first step on.
         self._weight += (1.0 - self._weight) / self.horizon
         share = 1.0 / (self.horizon * self._weight)
+        if self.logarithmic:
+            cost = np.maximum(-raw, 0.0)
+            usual_cost = float(np.minimum(cost, _OUTLIER * _middle(cost)).sum()) / n
+            self._usual_cost += share * (usual_cost - self._usual_cost)
+            raw = -np.log1p(cost / (_KNEE * self._usual_cost + 1e-300))
         # A row that has run wild must neither set the scale for the others nor rule the critic.
         usual = np.maximum(raw, -_OUTLIER * _middle(np.abs(raw)))
         self._mean += share * (float(usual.sum()) / n - self._mean)
@@ -240,7 +262,7 @@ class ScaledReward(VecEnvWrapper):
 
     @property
     def mean_cost(self) -> float:
-        """Running mean of the stage cost, outliers cut off [-]."""
+        """Running mean of what is learned from, the stage cost or its logarithm, outliers cut off [-]."""
         return -self._mean
 
     @property
@@ -261,7 +283,14 @@ class ScaledReward(VecEnvWrapper):
 
     def get_state(self) -> dict[str, np.ndarray]:
         """Everything that the statistics remember."""
-        numbers = (self._mean, self._variance, self._weight, self._gathered_cost, float(self._gathered))
+        numbers = (
+            self._mean,
+            self._variance,
+            self._weight,
+            self._gathered_cost,
+            float(self._gathered),
+            self._usual_cost,
+        )
         return {
             "returns": self._returns.copy(),
             "clipped": self._clipped.copy(),
@@ -276,4 +305,4 @@ class ScaledReward(VecEnvWrapper):
         self._age = np.array(state["age"])
         numbers = [float(value) for value in state["statistics"]]
         self._mean, self._variance, self._weight, self._gathered_cost = numbers[:4]
-        self._gathered = int(numbers[4])
+        self._gathered, self._usual_cost = int(numbers[4]), numbers[5]

@@ -7,13 +7,16 @@ from typing import Any
 
 from baselines.delay_lqr import delay_lqr
 from baselines.feedforward import feedforward, feedforward_prediction
+from baselines.gain_scheduled import gain_scheduled
 from baselines.linear_controller import LinearController
 from baselines.lqg import lqg
 from baselines.lqr import lqr
 from baselines.mpc import mpc, mpc_l1
-from baselines.multi_model import multi_model
+from baselines.multi_model import multi_model, multi_model_mpc
 from baselines.peaks import feedforward_peaks
 from baselines.pid import pid
+from baselines.tension_activated import tension_activated
+from baselines.time_varying import time_varying_lq
 from baselines.tuning import tuned
 from heave_env.controller import NoControl
 from heave_env.scenarios import Scenario
@@ -28,12 +31,16 @@ __all__ = [
     "feedforward",
     "feedforward_peaks",
     "feedforward_prediction",
+    "gain_scheduled",
     "lqg",
     "lqr",
     "mpc",
     "mpc_l1",
     "multi_model",
+    "multi_model_mpc",
     "pid",
+    "tension_activated",
+    "time_varying_lq",
 ]
 
 DESIGNERS: dict[str, Callable[..., LinearController]] = {
@@ -44,12 +51,28 @@ DESIGNERS: dict[str, Callable[..., LinearController]] = {
     "feedforward_prediction": feedforward_prediction,
     "feedforward_peaks": feedforward_peaks,
     "lqg": lqg,
+    "gain_scheduled": gain_scheduled,
+    "time_varying_lq": time_varying_lq,
     "mpc": mpc,
     "mpc_l1": mpc_l1,
     "multi_model": multi_model,
+    "multi_model_mpc": multi_model_mpc,
+    "tension_activated": tension_activated,
 }
 """Functions that design a controller for a scenario, by the controller's name."""
-TUNED = ("pid", "lqr", "delay_lqr", "lqg", "mpc", "mpc_l1", "multi_model")
+TUNED = (
+    "tension_activated",
+    "pid",
+    "lqr",
+    "delay_lqr",
+    "lqg",
+    "gain_scheduled",
+    "time_varying_lq",
+    "mpc",
+    "mpc_l1",
+    "multi_model",
+    "multi_model_mpc",
+)
 """Designs with weights (or a bandwidth) that are tuned where the plant is more than the linear model."""
 CONTROLLERS = ("none", *DESIGNERS)
 """Names that `design` knows."""

@@ -7,9 +7,10 @@ with the boom tip's true motion as the plant's seed makes it:
     subject to  the payload's and the winch's equations of motion, and the limits of speed, acceleration,
                 stroke and command range.
 
-The drum's rate runs straight between control instants (without an acceleration limit, its lag is followed),
-as in the plan of `baselines.mpc`. Delay and sensors do not matter to who knows everything; the first moves,
-which in the plant belong to commands already given, lie in the warm-up.
+The drum's rate runs straight between control instants (without an acceleration limit, its lag is followed; a
+second-order drive exactly), as in the plan of `baselines.mpc`. Dead band and rounding are left out: who had
+to put up with them could only be dearer. Delay and sensors do not matter to who knows everything; the first
+moves, which in the plant belong to commands already given, lie in the warm-up.
 
 No controller that has to infer the sea can be cheaper on average; how far above it a controller stays is the
 price of not knowing. Solved by Clarabel, an interior-point method.
@@ -27,6 +28,7 @@ from scipy import sparse
 
 from baselines.model import payload_model
 from baselines.mpc import planning_model
+from baselines.oracle import drawn_parameters
 from baselines.winch_model import winch_model
 from heave_env.plant import linear_step, simulate
 from heave_env.scenarios import Scenario
@@ -54,10 +56,12 @@ def clairvoyant_cost(scenario: Scenario, seeds: Sequence[int], *, warm_up: float
     if not 0 <= first < scenario.n_steps:
         raise ValueError(f"warm_up must leave something of {scenario.duration:g} s, got {warm_up!r}")
     record = simulate(scenario, seeds=list(seeds))
-    forcing = linear_step(payload_model(scenario), scenario.control_dt)[1].T
+    # Who knows everything knows what the episode drew, too.
+    own = [scenario.with_drawn(drawn) for drawn in drawn_parameters(scenario, seeds)]
     heave, rate = record["boom_tip_heave"], record["boom_tip_heave_rate"]
     costs = []
-    for i in range(len(seeds)):
+    for i, known in enumerate(own):
+        forcing = linear_step(payload_model(known), scenario.control_dt)[1].T
         ends = np.column_stack([heave[:-1, i], rate[:-1, i], heave[1:, i], rate[1:, i]])
         start = np.array(
             [
@@ -65,7 +69,7 @@ def clairvoyant_cost(scenario: Scenario, seeds: Sequence[int], *, warm_up: float
                 for name in ("payload_heave", "payload_heave_rate", "winch_displacement", "winch_rate")
             ]
         )
-        costs.append(float(np.mean(_stage_costs(scenario, start, ends @ forcing)[first:])))
+        costs.append(float(np.mean(_stage_costs(known, start, ends @ forcing)[first:])))
     return np.array(costs)
 
 
@@ -80,7 +84,7 @@ def _stage_costs(scenario: Scenario, start: Array, drive: Array) -> Array:
     import clarabel  # deferred: nothing else needs it
 
     winch = winch_model(scenario)
-    A, B, c, d = planning_model(scenario, winch)
+    A, B, c, d = planning_model(scenario, winch, straight=winch.ramps)
     A, B, c = A[:4, :4], B[:4], c[:4]
     n, eye, before = len(drive), sparse.eye(len(drive)), sparse.eye(len(drive), k=-1)
     # Unknowns [x, x', u, v] at the end of each step, the last of them being the step's input.
@@ -98,7 +102,7 @@ def _stage_costs(scenario: Scenario, start: Array, drive: Array) -> Array:
         rows.append(sparse.kron(eye, rate))
         shifts.append(np.zeros(n))
         limits.append(winch.speed_limit)
-    if winch.ramps:
+    if not winch.accelerates_at_once:
         rows.append(sparse.kron(eye, rate) - sparse.kron(before, rate))
         shifts.append(np.concatenate([[-start[3]], np.zeros(n - 1)]))
         limits.append(winch.acceleration_limit * winch.control_dt)

@@ -2,9 +2,10 @@
 
 Two models of the delay: the exact chain, in which a delay of n control steps is n more states (the commands
 under way, which the observation holds), a fraction of a step included; and the thesis's second-order Taylor
-model, whose two states the controller integrates from its own commands.
+model, whose two states the controller integrates from its own commands. A second-order drive has its rate as
+a further state of either.
 
-Source: Huang (1992), 6.2.5, (6.11)-(6.15); the chain: Åström and Wittenmark (1997), 3.2.
+Source: Huang (1992), 6.2.5, (6.11)-(6.15), 6.5; the chain: Åström and Wittenmark (1997), 3.2.
 """
 
 from __future__ import annotations
@@ -24,8 +25,15 @@ from baselines.lqr import (
     require_payload_motion,
     sampled_gain,
     truth_model,
+    winch_states,
 )
-from baselines.model import held_command, linear_model, payload_model, regulator_matrices
+from baselines.model import (
+    ContinuousModel,
+    continuous_model,
+    held_command,
+    linear_model,
+    regulator_matrices,
+)
 from heave_env.parameters import LinearPayload
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
@@ -43,15 +51,20 @@ def taylor_matrices(payload: LinearPayload, rate_constant: float, delay: float) 
         rate_constant: K of the winch [1/s].
         delay: Command delay, positive [s].
     """
-    A3, _, _ = regulator_matrices(payload, rate_constant)
-    A = np.zeros((5, 5))
-    A[:3, :3] = A3
-    A[2, 3] = rate_constant
-    A[3, 4] = 1.0
-    A[4, 3:] = -2.0 / delay**2, -2.0 / delay
-    B = np.zeros((5, 1))
-    B[4, 0] = 2.0 / delay**2
-    return A, B
+    A3, B3, _ = regulator_matrices(payload, rate_constant)
+    return _with_taylor_delay(A3, B3, delay)
+
+
+def _with_taylor_delay(A: Array, B: Array, delay: float) -> tuple[Array, Array]:
+    """A and B with the delayed command and its rate as two more states, the last ones."""
+    n = len(A)
+    delayed = np.pad(A, (0, 2))
+    delayed[:n, n] = B[:, 0]
+    delayed[n, n + 1] = 1.0
+    delayed[n + 1, n:] = -2.0 / delay**2, -2.0 / delay
+    command = np.zeros((n + 2, 1))
+    command[n + 1] = 2.0 / delay**2
+    return delayed, command
 
 
 def delay_lqr(
@@ -86,7 +99,7 @@ def delay_lqr(
 
 def _exact(scenario: Scenario, q: float, r: float) -> LinearController:
     model = linear_model(scenario, sea=False)
-    n = 3 + scenario.n_pending
+    n = 2 + len(winch_states(scenario)) + scenario.n_pending
     A, B = model.A[:n, :n], model.B[:n]
     gain, _ = sampled_gain(A, B, q, r)
     states = model.states[:n]
@@ -101,41 +114,47 @@ def _exact(scenario: Scenario, q: float, r: float) -> LinearController:
         truth=truth_model(scenario),
         command_weight=r,
     )
-    if "winch_displacement" in measured:
+    winch = winch_states(scenario)
+    if set(winch) <= set(measured):
         return made(states, D=gain)
-    # The winch's displacement is row 2 of the model, driven by pending and new commands alone.
+    # The winch's own rows of the model are driven by themselves, pending and new commands alone.
+    modelled = [states.index(name) for name in winch]
+    used = tuple(name for name in states if name not in winch or name in measured)
+    seen = [states.index(name) for name in used]
+    driving = [name.startswith("pending_command") for name in used]
     return made(
-        (*PAYLOAD_MOTION, *states[3:]),
-        D=np.delete(gain, 2, axis=1),
-        F=A[2:3, 2:3],
-        G=np.hstack([np.zeros((1, 2)), A[2:3, 3:]]),
-        H=B[2:3],
-        L=gain[:, 2:3],
+        used,
+        D=gain[:, seen],
+        F=A[np.ix_(modelled, modelled)],
+        G=A[np.ix_(modelled, seen)] * driving,
+        H=B[modelled],
+        L=gain[:, modelled] * [name not in measured for name in winch],
     )
 
 
 def _taylor(scenario: Scenario, q: float, r: float) -> LinearController:
-    A, B = taylor_matrices(
-        payload_model(scenario), scenario.winch.rate_constant, scenario.winch.command_delay
-    )
+    plain: ContinuousModel = continuous_model(scenario, sea=False)
+    A, B = _with_taylor_delay(plain.A, plain.B1, scenario.winch.command_delay)
     gain = continuous_gain(A, B, q, r)
+    states = (*PAYLOAD_MOTION, *winch_states(scenario), "delayed_command", "delayed_command_rate")
     measured = measured_entries(scenario)
-    winch_measured = "winch_displacement" in measured
-    used = (*PAYLOAD_MOTION, "winch_displacement") if winch_measured else PAYLOAD_MOTION
+    used = tuple(name for name in states if name in measured)
     # What is not measured (the delayed command and its rate, perhaps the winch) is integrated here.
-    first = len(used)
+    seen = [states.index(name) for name in used]
+    winch_measured = set(winch_states(scenario)) <= set(measured)
+    first = len(plain.A) if winch_measured else 2
     F, H = held_command(A[first:, first:], B[first:], scenario.control_dt)
     return controller(
         "delay_lqr",
         scenario,
         used,
-        D=gain[:, :first],
+        D=gain[:, seen],
         F=F,
-        G=np.zeros((5 - first, first)),
+        G=np.zeros((len(A) - first, len(used))),
         H=H,
-        L=gain[:, first:],
+        L=gain[:, first:] * [name not in measured for name in states[first:]],
         gain=gain,
-        states=(*PAYLOAD_MOTION, "winch_displacement", "delayed_command", "delayed_command_rate"),
+        states=states,
         energy_index=float(np.linalg.norm(gain)),
         truth=truth_model(scenario),
         command_weight=r,

@@ -27,7 +27,7 @@ from baselines.kalman import KalmanFilter, filter_on, filter_outputs
 from baselines.linear_controller import LinearController, without_matrices
 from baselines.lqg import lqg
 from baselines.lqr import design_weights, sampled_gain
-from baselines.model import MODELLED_CHANNELS, LinearModel, channel_row, sea_filter
+from baselines.model import MODELLED_CHANNELS, LinearModel, channel_row, linear_model, sea_filter
 from baselines.winch_model import WinchModel, payload_forcing, winch_model
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
@@ -44,6 +44,8 @@ class DrumPath:
     """Row that reads the boom tip's heave rate off the state, (n_states,)."""
     begins_compensated: bool
     """Whether the winch is on its way when an episode begins."""
+    rate_place: int | None
+    """Place of the winch's rate in the state, if the drive is of the second order."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -112,6 +114,8 @@ class ScheduledController(LinearController):
             M = M + self.start_correction[np.minimum(count, len(self.start_correction) - 1)]
         innovation = y[:, : len(self.output)] - prior @ self.output.T
         estimate = prior + np.einsum("nsy,ny->ns", M, innovation)
+        if self.drum is not None:
+            rate = self._drum_rate(estimate, rate, count)
         fed = mixed(self.known_command, *where)
         if self.pay_out_offset is not None:
             fed = fed * self.pay_out_offset[step]
@@ -120,29 +124,38 @@ class ScheduledController(LinearController):
         following = np.einsum("nij,nj->ni", mixed(self.transition, *where), estimate)
         following += mixed(self.command_input, *where)[:, :, 0] * command + self.known_input[step]
         if self.drum is not None:
-            following, rate = self._on_the_drum(following, estimate, rate, count, command, where)
+            following, rate = self._on_the_drum(following, estimate, rate, command, where)
         return command, np.column_stack([following, rate, count + 1.0])
 
-    def _on_the_drum(
-        self,
-        following: Array,
-        estimate: Array,
-        rate: Array,
-        count: Array,
-        command: Array,
-        where: tuple[Array, Array],
-    ) -> tuple[Array, Array]:
-        """The next prior and the drum's rate with the path that the winch takes within its limits."""
+    def _drum_rate(self, estimate: Array, rate: Array, count: Array) -> Array:
+        """The drum's rate at this instant [m/s], (n_rows,), which the estimate is told too."""
         drum = self.drum
         assert drum is not None
         if drum.begins_compensated:
             fastest = drum.winch.speed_limit
             moving = np.clip(-(estimate @ drum.boom_tip_rate), -fastest, fastest)
             rate = np.where(count == 0, moving, rate)
+        if drum.rate_place is not None:
+            estimate[:, drum.rate_place] = rate
+        return rate
+
+    def _on_the_drum(
+        self,
+        following: Array,
+        estimate: Array,
+        rate: Array,
+        command: Array,
+        where: tuple[Array, Array],
+    ) -> tuple[Array, Array]:
+        """The next prior and the drum's rate with the path that the winch takes within its limits."""
+        drum = self.drum
+        assert drum is not None
         commands = np.column_stack([command, estimate[:, 3 : 3 + drum.winch.n_pending]])
         u, rate, path = drum.winch.path(estimate[:, 2], rate, commands, first=0, count=drum.winch.n_substeps)
         following[:, :2] += np.einsum("np,npi->ni", path, mixed(drum.forcing, *where))
         following[:, 2] = u
+        if drum.rate_place is not None:
+            following[:, drum.rate_place] = rate
         return following, rate
 
 
@@ -152,7 +165,6 @@ def gain_scheduled(
     command_weight: float | None = None,
     speed_weight: float = 0.0,
     mismatch: float = 1.0,
-    by_length: bool = True,
 ) -> LinearController:
     """Designs the controller whose gains follow the cable's length.
 
@@ -161,8 +173,6 @@ def gain_scheduled(
         command_weight: r of the design [1/m²]; the task's own if not given.
         speed_weight: Weight of the squared winch rate in the design [s²/m²]: caution where limits bite.
         mismatch: How many times the residual of the identification the models are doubted by.
-        by_length: False keeps the gains of the initial length, to see what the schedule is worth; what the
-            pay-out does to the payload is fed forward either way.
 
     Raises:
         ValueError: If the sea is calm, or nothing that the model expresses is measured.
@@ -178,14 +188,12 @@ def gain_scheduled(
         filter_on(scenario, replace(model, W=model.W + mismatch**2 * doubt).select(outputs))
         for model, doubt in zip(grid.models, grid.doubts, strict=True)
     ]
-    if not by_length:
-        filters = filters[:1] * len(filters)
     models = [found.model for found in filters]
     gains = np.array([sampled_gain(model.A, model.B, q, r, speed_weight=speed)[0] for model in models])
     A = np.array([model.A for model in models])
     nodes, weights = grid.along_profile
     push = np.zeros((len(models), models[0].n_states))
-    push[:, :2] = grid.push if by_length else grid.push[:1]
+    push[:, :2] = grid.push
     return scheduled_controller(
         "gain_scheduled",
         scenario,
@@ -220,7 +228,7 @@ def require_outputs(scenario: Scenario) -> tuple[str, ...]:
     """Entries of the observation that a filter corrects by.
 
     Raises:
-        ValueError: If there are none.
+        ValueError: If there are none, or the sea is calm.
     """
     outputs = filter_outputs(scenario)
     if not outputs:
@@ -228,6 +236,8 @@ def require_outputs(scenario: Scenario) -> tuple[str, ...]:
             f"scenario {scenario.name!r} measures nothing that a linear filter can use; add a sensor of "
             f"{', '.join(MODELLED_CHANNELS)}"
         )
+    if sea_filter(scenario) is None:
+        linear_model(scenario)  # which says so
     return outputs
 
 
@@ -268,13 +278,14 @@ def scheduled_controller(
         row = channel_row("boom_tip_heave_rate", list(model.states), sea_filter(scenario))
         assert row is not None
         winch = winch_model(scenario)
-        drum = DrumPath(winch, forcing, row, scenario.start == "compensated")
+        at = model.index("winch_rate") if "winch_rate" in model.states else None
+        drum = DrumPath(winch, forcing, row, scenario.start == "compensated", at)
         # The path of the drum stands for what winch and commands do to the payload.
         A, B = A.copy(), B.copy()
         A[:, :3, 2 : 3 + winch.n_pending] = 0.0
-        if "winch_rate" in model.states:
-            A[:, :3, model.index("winch_rate")] = 0.0
         B[:, :3] = 0.0
+        if at is not None:
+            A[:, :, at] = A[:, at] = B[:, at] = 0.0
     return ScheduledController(
         **without_matrices(name, scenario, measures),
         command_weight=command_weight,

@@ -27,7 +27,7 @@ from heave_env.scenarios import Scenario
 from heave_env.sea import Array
 
 START_STEPS = 4000
-"""Steps of an episode after which a starting gain is held, settled or not [-]."""
+"""Steps of an episode after which a starting gain is held unless a filter says otherwise [-]."""
 START_TOLERANCE = 1e-3
 """Relative difference from the stationary gain at which the start is over [-]."""
 
@@ -38,15 +38,24 @@ class KalmanFilter:
 
     model: LinearModel
     """The model, seen through the outputs that the filter uses."""
-    prior_covariance: Array
-    """Stationary, of the estimate's error before the measurement, (n_states, n_states)."""
-    gain: Array
-    """Stationary M, (n_states, n_outputs)."""
+    n_start: int = START_STEPS
+    """Steps after which a starting gain is held, settled or not [-]."""
+
+    @cached_property
+    def prior_covariance(self) -> Array:
+        """Stationary, of the estimate's error before the measurement, (n_states, n_states)."""
+        return filter_covariance(self.model.A, self.model.C, self.model.W, self.model.V)
+
+    @cached_property
+    def gain(self) -> Array:
+        """Stationary M, (n_states, n_outputs)."""
+        C, P = self.model.C, self.prior_covariance
+        return np.asarray(np.linalg.solve(C @ P @ C.T + self.model.V, C @ P).T)
 
     @cached_property
     def start_gains(self) -> Array:
         """M of the first steps of an episode, (n_start, n_states, n_outputs); the last one stays in use."""
-        return starting_gains(self.model, self.gain)
+        return starting_gains(self.model, self.gain, n_start=self.n_start)
 
     @cached_property
     def posterior_covariance(self) -> Array:
@@ -128,21 +137,22 @@ def filter_outputs(scenario: Scenario) -> tuple[str, ...]:
     )
 
 
-def starting_gains(model: LinearModel, gain: Array) -> Array:
+def starting_gains(model: LinearModel, gain: Array, *, n_start: int = START_STEPS) -> Array:
     """Gains from an episode's first instant until they have become the stationary one.
 
     Args:
         model: The model, seen through the filter's outputs.
         gain: The stationary gain, (n_states, n_outputs).
+        n_start: Gains that are wanted at most [-].
 
     Returns:
-        (n_start, n_states, n_outputs), `START_STEPS` at most.
+        (n_start, n_states, n_outputs), or fewer.
     """
     A, C, W, V = model.A, model.C, model.W, model.V
     P = model.start_covariance
     size = np.sqrt(np.diag(V))
     gains: list[Array] = []
-    while len(gains) < START_STEPS:
+    while len(gains) < n_start:
         M = np.linalg.solve(C @ P @ C.T + V, C @ P).T
         gains.append(M)
         if np.linalg.norm((M - gain) * size) <= START_TOLERANCE * np.linalg.norm(gain * size):
@@ -152,13 +162,12 @@ def starting_gains(model: LinearModel, gain: Array) -> Array:
     return np.array(gains)
 
 
-def kalman_filter(scenario: Scenario, *, mismatch: float = 1.0, drive: bool = False) -> KalmanFilter:
+def kalman_filter(scenario: Scenario, *, mismatch: float = 1.0) -> KalmanFilter:
     """Designs the filter for a scenario's sensors.
 
     Args:
         scenario: The operation.
         mismatch: How many times the residual of the identification the model of a cable is doubted by.
-        drive: Whether a second-order winch has its rate as a state; else it is its lag.
 
     Raises:
         ValueError: If the sea is calm or nothing that the model expresses is measured.
@@ -169,7 +178,7 @@ def kalman_filter(scenario: Scenario, *, mismatch: float = 1.0, drive: bool = Fa
             f"scenario {scenario.name!r} measures nothing that a linear filter can use; add a sensor of "
             f"{', '.join(MODELLED_CHANNELS)}"
         )
-    return filter_on(scenario, linear_model(scenario, mismatch=mismatch, drive=drive).select(outputs))
+    return filter_on(scenario, linear_model(scenario, mismatch=mismatch).select(outputs))
 
 
 def boom_tip_kalman_filter(scenario: Scenario) -> KalmanFilter:
@@ -214,9 +223,7 @@ def filter_on(scenario: Scenario, model: LinearModel) -> KalmanFilter:
     if scenario.observed_filter_states:
         # Filter states have no sensor: they are seen exactly, but for the floor.
         model = replace(model, V=np.diag(np.maximum(np.diag(model.V), noise_floor(scenario) ** 2)))
-    P = filter_covariance(model.A, model.C, model.W, model.V)
-    gain = np.asarray(np.linalg.solve(model.C @ P @ model.C.T + model.V, model.C @ P).T)
-    return KalmanFilter(model, P, gain)
+    return KalmanFilter(model)
 
 
 def continuous_filter(model: ContinuousModel, C: Array, densities: Array) -> tuple[Array, Array]:

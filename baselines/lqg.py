@@ -21,7 +21,7 @@ from scipy.linalg import solve_continuous_lyapunov
 from baselines.estimator import Estimator
 from baselines.estimator import estimator as limited_estimator
 from baselines.kalman import KalmanFilter, continuous_filter, kalman_filter
-from baselines.linear_controller import LinearController, controller
+from baselines.linear_controller import LinearController, controller, observation_units
 from baselines.lqr import continuous_gain, design_weights, sampled_gain
 from baselines.model import ContinuousModel, linear_model
 from heave_env.scenarios import Scenario
@@ -54,7 +54,8 @@ class StochasticOptimal(LinearController):
 @dataclass(frozen=True, eq=False)
 class LimitedStochasticOptimal(LinearController):
     """Filter and gain in series beside a winch with limits, which the filter reckons with; the gain does not,
-    and its command is clipped. The memory is the estimator's; the matrices are those without limits."""
+    and its command is clipped, and sent so that dead band and rounding matter least. The memory is the
+    estimator's; the matrices are those without limits."""
 
     estimator: Estimator | None = None
     speed_weight: float = 0.0
@@ -69,9 +70,11 @@ class LimitedStochasticOptimal(LinearController):
     def respond(self, y: Array, memory: Array) -> tuple[Array, Array]:
         """Command in metres, (n_envs, 1), and the next memory, for measurements in SI units."""
         assert self.estimator is not None and self.gain is not None
-        estimate, rate = self.estimator.corrected(memory, y)
+        measured, tension = self.estimator.parted(y)
+        estimate, rate = self.estimator.corrected(memory, measured)
         command = self.clipped(-(estimate @ self.gain.T))
-        return command, self.estimator.advanced(memory, estimate, rate, command)
+        command = self.estimator.shaped(estimate, rate, command, tension)
+        return command, self.estimator.advanced(memory, estimate, rate, command, tension)
 
 
 def lqg(
@@ -95,9 +98,7 @@ def lqg(
     q, r = design_weights(scenario, command_weight)
     if not (math.isfinite(speed_weight) and speed_weight >= 0.0):
         raise ValueError(f"speed_weight must be a number, not negative, got {speed_weight!r}")
-    # The limits of a winch are reckoned with about its lag; without any a second-order drive is modelled.
-    drive = scenario.winch.is_second_order and not scenario.winch.is_limited
-    model = linear_model(scenario, drive=drive)
+    model = linear_model(scenario)
     gain, _ = sampled_gain(model.A, model.B, q, r, speed_weight=speed_weight / scenario.control_dt**2)
     index = model.energy_index(gain)
     if sees_everything(scenario):
@@ -112,7 +113,7 @@ def lqg(
             truth=model,
             command_weight=r,
         )
-    estimator = kalman_filter(scenario, mismatch=mismatch, drive=drive)
+    estimator = kalman_filter(scenario, mismatch=mismatch)
     A, B, C, M = model.A, model.B, estimator.model.C, estimator.gain
     # estimate = (I - M C) prior + M y, in the form of `LinearController` with the prior as its memory.
     rest = np.eye(model.n_states) - M @ C
@@ -134,6 +135,8 @@ def lqg(
     parts = {item.name: getattr(stationary, item.name) for item in fields(stationary)}
     if scenario.winch.is_limited:
         limited = limited_estimator(scenario, mismatch=mismatch)
+        parts["measures"] = limited.measures
+        parts["scale"], parts["offset"] = observation_units(scenario, limited.measures)
         return LimitedStochasticOptimal(**parts, estimator=limited, speed_weight=speed_weight)
     return StochasticOptimal(**parts, estimator=estimator)
 
@@ -143,7 +146,7 @@ def sees_everything(scenario: Scenario) -> bool:
     if not scenario.observed_filter_states or not scenario.is_linear:
         # A cable has more states than its model: a filter finds what the model misses.
         return False
-    return set(linear_model(scenario, drive=True).states) <= set(scenario.observation_names)
+    return set(linear_model(scenario).states) <= set(scenario.observation_names)
 
 
 def predicted_cost(scenario: Scenario, estimator: KalmanFilter | None) -> float:

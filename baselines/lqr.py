@@ -1,9 +1,10 @@
 """The thesis's regulator: a Riccati gain on payload heave, its rate and the winch's displacement.
 
 It knows neither the sea nor the command's delay. Where the winch's displacement is not measured, the
-controller models it from its own commands.
+controller models it from its own commands. A second-order drive has its rate as a further state, measured
+(`winch_rate`) or modelled likewise.
 
-Source: Huang (1992), 6.2.4, (6.6)-(6.10).
+Source: Huang (1992), 6.2.4, (6.6)-(6.10), 6.5.
 """
 
 from __future__ import annotations
@@ -15,7 +16,8 @@ import numpy as np
 from scipy.linalg import solve_continuous_are, solve_discrete_are
 
 from baselines.linear_controller import LinearController, controller
-from baselines.model import LinearModel, linear_model, payload_model, regulator_matrices, sea_filter
+from baselines.model import LinearModel, continuous_model, linear_model, sea_filter
+from heave_env.plant import drive_step
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
 
@@ -50,18 +52,26 @@ def sampled_gain(
     Returns:
         K (1, n) and S (n, n), the solution of the discrete Riccati equation.
     """
+    Q, R, cross = stage_weights(A, B, position_weight, command_weight, speed_weight=speed_weight)
+    S = solve_discrete_are(A, B, Q, R, s=cross if speed_weight else None)
+    towards = B.T @ S @ A + cross.T if speed_weight else B.T @ S @ A
+    K = np.linalg.solve(R + B.T @ S @ B, towards)
+    return np.asarray(K), np.asarray(S)
+
+
+def stage_weights(
+    A: Array, B: Array, position_weight: float, command_weight: float, *, speed_weight: float = 0.0
+) -> tuple[Array, Array, Array]:
+    """Q (n, n), R (1, 1) and c (n, 1) of `sampled_gain`'s stage cost, sᵀ Q s + R u0² + 2 sᵀ c u0."""
     Q = np.zeros_like(A)
     Q[0, 0] = position_weight
-    R, cross = np.array([[command_weight]]), None
+    R, cross = np.array([[command_weight]]), np.zeros_like(B)
     if speed_weight:
         moved, given = A[2] - np.eye(len(A))[2], B[2]
         Q += speed_weight * np.outer(moved, moved)
         R = R + speed_weight * np.outer(given, given)
         cross = speed_weight * np.outer(moved, given)
-    S = solve_discrete_are(A, B, Q, R, s=cross)
-    towards = B.T @ S @ A if cross is None else B.T @ S @ A + cross.T
-    K = np.linalg.solve(R + B.T @ S @ B, towards)
-    return np.asarray(K), np.asarray(S)
+    return Q, R, cross
 
 
 def lqr(
@@ -86,12 +96,13 @@ def lqr(
     require_payload_motion(scenario, "lqr")
     q, r = design_weights(scenario, command_weight)
     if design == "continuous":
-        A, B, _ = regulator_matrices(payload_model(scenario), scenario.winch.rate_constant)
-        gain = continuous_gain(A, B, q, r)
+        thesis = continuous_model(scenario, sea=False)
+        gain = continuous_gain(thesis.A, thesis.B1, q, r)
     else:
+        n = 2 + len(winch_states(scenario))
         model = linear_model(scenario, sea=False, delay=False)
-        gain, _ = sampled_gain(model.A[:3, :3], model.B[:3], q, r)
-    states = (*PAYLOAD_MOTION, "winch_displacement")
+        gain, _ = sampled_gain(model.A[:n, :n], model.B[:n], q, r)
+    states = (*PAYLOAD_MOTION, *winch_states(scenario))
     measured = measured_entries(scenario)
     made = partial(
         controller,
@@ -103,8 +114,22 @@ def lqr(
         truth=truth_model(scenario),
         command_weight=r,
     )
-    if "winch_displacement" in measured:
+    if set(states) <= set(measured):
         return made(states, D=gain)
+    if scenario.winch.is_second_order:
+        R = drive_step(scenario.winch, scenario.control_dt)
+        used = tuple(name for name in states if name in measured)
+        seen = [states.index(name) for name in used]
+        # The drive's two states from the controller's own commands; the gain takes what is measured first.
+        gain_modelled = gain[:, 2:] * [name not in measured for name in states[2:]]
+        return made(
+            used,
+            D=gain[:, seen],
+            F=R,
+            G=np.zeros((2, len(used))),
+            H=(np.eye(2) - R)[:, :1],
+            L=gain_modelled,
+        )
     # u_{k+1} = p u_k + (1 - p) u0_k, from the controller's own commands.
     p = math.exp(-scenario.winch.rate_constant * scenario.control_dt)
     return made(
@@ -115,6 +140,11 @@ def lqr(
         H=np.array([[1.0 - p]]),
         L=gain[:, 2:],
     )
+
+
+def winch_states(scenario: Scenario) -> tuple[str, ...]:
+    """States of the winch in the regulators: its displacement and, of a second-order drive, its rate."""
+    return ("winch_displacement", "winch_rate") if scenario.winch.is_second_order else ("winch_displacement",)
 
 
 def design_weights(scenario: Scenario, command_weight: float | None) -> tuple[float, float]:

@@ -5,9 +5,12 @@ States, in this order and in SI units:
     payload_heave x [m], payload_heave_rate x' [m/s], winch_displacement u [m],
     pending_command_1..n  commands given but not fully arrived, most recent first [m],
     filter_state_0..      boom-tip filter, in states of unit stationary variance [-],
+    winch_rate u' [m/s]   of a second-order drive alone,
     channel[-i]           past samples that delayed sensors still have to report.
 
     a x'' + b x' + x = x0 + u,   u' = K (u0(t - delay) - u),   x0 = C_f f,   f' = A_f f + B_f w
+
+or, for a second-order drive, u'' + 2 ζ ω u' + ω² u = ω² u0(t - delay).
 
 The command is held over a control step and everything is discretised exactly (matrix exponential; Van
 Loan's covariance for the noise), a delay that is no whole number of control steps included: the winch
@@ -15,10 +18,10 @@ then sees two commands within a step, one after the other.
 
 What the model leaves out: limits of the winch, slack, the cable's own waves, the nonlinearity of the drag
 (it enters through the identified a and b) and the change of length under pay-out. Sheave tension, length
-and winch rate are not among its outputs: the first two are no linear function of these states, the third
-adds nothing, since the modelled winch has no noise and its commands are known.
+and the rate of a winch with a lag are not among its outputs: the first two are no linear function of these
+states, the third adds nothing, since the modelled winch has no noise and its commands are known.
 
-Source: Huang (1992), (6.6), (6.23), (6.26), (6.28); Van Loan (1978).
+Source: Huang (1992), (6.6), (6.23), (6.26), (6.28), 6.5; Van Loan (1978).
 """
 
 from __future__ import annotations
@@ -27,6 +30,7 @@ import math
 from dataclasses import dataclass, replace
 from functools import lru_cache
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.linalg import expm, solve_continuous_lyapunov
@@ -42,6 +46,9 @@ from heave_env.sea import (
     wave_filter,
 )
 from heave_env.vessel import boom_tip_filter, heave_response
+
+if TYPE_CHECKING:
+    from baselines.identification import PayloadFit
 
 REGULAR_DAMPING = 0.005
 """Damping ratio of the oscillator that stands in for a regular sea [-]: narrow beside any payload resonance,
@@ -233,26 +240,27 @@ def with_drive(model: ContinuousModel, winch: Winch) -> ContinuousModel:
     return ContinuousModel(A, B1, np.pad(model.B2, ((0, 1), (0, 0))), sizes)
 
 
-def continuous_model(scenario: Scenario, *, sea: bool = True, drive: bool = False) -> ContinuousModel:
-    """The thesis's model of the scenario without its delay: 11 states with a vessel, or 3 without a sea.
-
-    With `drive` a second-order winch is what it is, with one more state; without, it is its lag.
-    """
-    if drive and scenario.winch.is_second_order:
-        return with_drive(continuous_model(scenario, sea=sea), scenario.winch)
-    A, B, C = regulator_matrices(payload_model(scenario), scenario.winch.rate_constant)
+def continuous_model(
+    scenario: Scenario, *, sea: bool = True, fit: PayloadFit | None = None
+) -> ContinuousModel:
+    """The thesis's model of the scenario without its delay: 11 states with a vessel, or 3 without a sea; one
+    more, the last, for the rate of a second-order drive. The payload is that of `fit` if one is given."""
+    payload = payload_model(scenario) if fit is None else fit.payload
+    A, B, C = regulator_matrices(payload, scenario.winch.rate_constant)
     waves = sea_filter(scenario) if sea else None
     if waves is None:
-        return ContinuousModel(A, B, np.zeros((3, 1)), np.ones(3))
-    n = 3 + waves.n_states
-    full = np.zeros((n, n))
-    full[:3, :3], full[:3, 3:], full[3:, 3:] = A, C @ waves.C[:1], waves.A
-    return ContinuousModel(
-        full,
-        np.vstack([B, np.zeros((waves.n_states, 1))]),
-        np.vstack([np.zeros((3, 1)), waves.B]),
-        np.concatenate([np.ones(3), filter_state_sizes(scenario)]),
-    )
+        model = ContinuousModel(A, B, np.zeros((3, 1)), np.ones(3))
+    else:
+        n = 3 + waves.n_states
+        full = np.zeros((n, n))
+        full[:3, :3], full[:3, 3:], full[3:, 3:] = A, C @ waves.C[:1], waves.A
+        model = ContinuousModel(
+            full,
+            np.vstack([B, np.zeros((waves.n_states, 1))]),
+            np.vstack([np.zeros((3, 1)), waves.B]),
+            np.concatenate([np.ones(3), filter_state_sizes(scenario)]),
+        )
+    return with_drive(model, scenario.winch) if scenario.winch.is_second_order else model
 
 
 # Discrete time -----------------------------------------------------------------------------------
@@ -352,7 +360,7 @@ def linear_model(
     sea: bool = True,
     delay: bool = True,
     mismatch: float = 1.0,
-    drive: bool = False,
+    fit: PayloadFit | None = None,
 ) -> LinearModel:
     """The scenario's model at its control instants.
 
@@ -361,7 +369,8 @@ def linear_model(
         sea: Whether the boom tip's filter is part of the state; without it there is no process noise.
         delay: Whether the command's delay is.
         mismatch: How many times the residual of the identification the model of a cable is doubted by.
-        drive: Whether a second-order winch has its rate as a state, the last; else it is its lag.
+        fit: Model that stands for the cable, of another length perhaps; if not given, that identified at the
+            initial length.
 
     Returns:
         The model with every channel of the observation that it can express, pending commands included.
@@ -369,9 +378,9 @@ def linear_model(
     Raises:
         ValueError: If a sea is asked for and the scenario's is calm.
     """
-    continuous = continuous_model(scenario, sea=sea, drive=drive)
+    continuous = continuous_model(scenario, sea=sea, fit=fit)
     n = len(continuous.A)
-    of_drive = 1 if drive and scenario.winch.is_second_order else 0
+    of_drive = 1 if scenario.winch.is_second_order else 0
     waves = sea_filter(scenario) if sea else None
     if sea and waves is None:
         raise ValueError(
@@ -383,7 +392,7 @@ def linear_model(
     tau = scenario.winch.command_delay if delay else 0.0
     F, H, G, shift = delayed_command(continuous.A, continuous.B1, dt, tau, n_pending)
     _, Q = discretised_noise(continuous.A, continuous.noise, dt)
-    Q = Q + mismatch**2 * _mismatch(scenario, continuous, dt)
+    Q = Q + mismatch**2 * _mismatch(scenario, continuous, dt, fit)
 
     # Pending commands stand behind the winch, whose future they are.
     order = np.r_[0:3, n : n + n_pending, 3:n]
@@ -420,16 +429,17 @@ def linear_model(
     return _with_outputs(scenario, model, waves)
 
 
-def _mismatch(scenario: Scenario, model: ContinuousModel, dt: float) -> Array:
+def _mismatch(scenario: Scenario, model: ContinuousModel, dt: float, fit: PayloadFit | None) -> Array:
     """Process noise that owns up to what the model leaves out of a cable, as covariance over a step.
 
     White acceleration of the payload, of the size of the residual that identification left.
     """
     if scenario.is_linear:
         return np.zeros_like(model.A)
-    from baselines.identification import identified
+    if fit is None:
+        from baselines.identification import identified
 
-    fit = identified(scenario)
+        fit = identified(scenario)
     # A white force of intensity N moves the second-order model by N / (2 b), its variance.
     intensity = 2.0 * max(fit.damping, 1e-3) * fit.residual_std**2
     noise = np.zeros_like(model.A)
@@ -475,12 +485,11 @@ def _with_outputs(scenario: Scenario, model: LinearModel, waves: LinearFilter | 
 
 
 def plant_is_model(scenario: Scenario) -> bool:
-    """Whether the linear model is the plant: a linear payload, a first-order winch without limits, sensors
-    whose only errors are white noise and delay, and parameters that are what they are said to be."""
+    """Whether the linear model is the plant: a linear payload, a winch without limits, sensors whose only
+    errors are white noise and delay, and parameters that are what they are said to be."""
     return (
         scenario.is_linear
         and not scenario.winch.is_limited
-        and not scenario.winch.is_second_order
         and not scenario.uncertainty
         and all(sensor.is_plain for sensor in scenario.observed_sensors)
     )

@@ -5,7 +5,7 @@ at the winch. From there the drum's rate is planned over a horizon,
 
     minimise    sum q x_j^2 + r u0_j^2 + s v_j^2 + e |v_j|  +  s_Nᵀ S s_N
     subject to  |v_j| <= speed limit,  |v_j - v_{j-1}| <= acceleration limit dt,  |u_j| <= stroke limit,
-                |u_j + v_j / K| <= command range,
+                |u0_j| <= command range,    u0_j = u_j + v_j / K with a lag,
 
 x being the payload's heave on the coming motion of the boom tip as the sea's filter expects it, S the cost of
 all that follows without limits (discrete Riccati equation). The first move alone is carried out: the command
@@ -14,9 +14,14 @@ anew. Where no limit is met within the horizon the plan is the stochastic-optima
 and without a search.
 
 The rate is planned at knots that lie the farther apart the farther ahead, and runs straight between them
-(without an acceleration limit it keeps still between them): as few unknowns as knots, and a plan that keeps
-within its limits everywhere. The search is DAQP's, a dual active-set method, exact and free of tuning; a plan
-that must break the range or the stroke (a drum too fast to stop) is allowed what braking needs.
+(with a lag and no acceleration limit it keeps still between them): as few unknowns as knots, and a plan that
+keeps within its limits everywhere. A lag whose acceleration limit is far above what its rate wants to jump by
+at a new command (`RARELY`) is planned as if it jumped: to have it run straight cost up to 1 % where the limit
+never bites. Of a second-order drive the rate at the end of a step stands for the command, of which it is a
+linear function. Limits of power and torque bound speed and acceleration at the present tension, measured or
+that of the cable hanging still; dead band and rounding are left to the inversion of the first move. The
+search is DAQP's, a dual active-set method, exact and free of tuning; a plan that must break the range or the
+stroke (a drum too fast to stop) is allowed what braking needs.
 
 It is certainty-equivalent: it plans as if the estimate and the expected sea were true.
 
@@ -32,11 +37,12 @@ from importlib.util import find_spec
 from typing import Any
 
 import numpy as np
-from scipy.linalg import expm, solve_discrete_are
+from scipy.linalg import expm, solve_discrete_are, solve_discrete_lyapunov
 
 from baselines.estimator import Estimator, estimator
+from baselines.kalman import KalmanFilter
 from baselines.linear_controller import LinearController, without_matrices
-from baselines.lqr import design_weights
+from baselines.lqr import design_weights, sampled_gain
 from baselines.model import continuous_model, held_command, nominal_sea, payload_model, sea_filter
 from baselines.winch_model import WinchModel, payload_forcing
 from heave_env.plant import linear_step
@@ -57,9 +63,16 @@ UNLIMITED = 1e20
 """Bound that stands for none; DAQP takes anything above 1e30 for infinite, and below for a number."""
 ROOM = 1e-9
 """What a braking drum is granted beside its braking [m], so that rounding leaves the search an answer."""
+RARELY = 3.0
+"""Standard deviations of the lag's jump at a new command that the acceleration limit lets it make in a
+control step, from which on the plan follows the lag [-]."""
 ENERGY_SHARE = 0.05
 """Price of motion that `mpc_l1` assumes where none is given: following the whole sea costs this share of what
 leaving the winch locked costs [-]."""
+
+
+Capability = tuple[Array | float, Array | float, Array | float]
+"""Largest speed [m/s], largest and least acceleration [m/s²]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -83,6 +96,9 @@ class Plan:
     """Bound of the rates [m/s]."""
     braking: Array
     """How much slower the drum can be at each knot than on arrival [m/s], (n_knots,)."""
+    spans: Array
+    """Time that the rates have to change from knot to knot [s], (n_limited,): of the constraints that come
+    first, on the acceleration; none without such a limit."""
     prices: Array
     """Cost of the absolute rate at each knot, (n_knots,)."""
     ramps: bool
@@ -132,48 +148,81 @@ class PredictiveController(LinearController):
     def respond(self, y: Array, memory: Array) -> tuple[Array, Array]:
         """Command in metres, (n_envs, 1), and the next memory, for measurements in SI units."""
         assert self.estimator is not None and self.plan is not None
-        estimate, rate = self.estimator.corrected(memory, y)
-        state = self._at_arrival(estimate, rate)
-        first = self.planned(state)[:, 0]
+        measured, tension = self.estimator.parted(y)
+        estimate, rate = self.estimator.corrected(memory, measured)
+        state = self._at_arrival(estimate, rate, tension)
         winch = self.estimator.winch
+        capability = winch.capability(tension) if winch.feels_tension else None
+        first = self.planned(state, capability)[:, 0]
+        u, v = state[:, 2], state[:, 3]
         if self.plan.ramps:
-            command = winch.command_for_rate(state[:, 2], state[:, 3], first)
+            command = winch.command_for_rate(u, v, first, tension)
         else:
-            command = winch.command_for_displacement(state[:, 2], state[:, 2] + winch.control_dt * first)
-        command = command[:, None]
-        return command, self.estimator.advanced(memory, estimate, rate, command)
+            command = winch.command_for_displacement(u, u + winch.control_dt * first, tension)
+        command = winch.shaped(u, v, command, tension)[:, None]
+        return command, self.estimator.advanced(memory, estimate, rate, command, tension)
 
-    def _at_arrival(self, estimate: Array, rate: Array) -> Array:
+    def _at_arrival(self, estimate: Array, rate: Array, tension: Array | None) -> Array:
         """State when the command now given arrives at the winch, (n_envs, n_states of the plan)."""
         assert self.estimator is not None and self.ahead is not None and self.arrival_forcing is not None
+        u, v, path = self.estimator.at_arrival(estimate, rate, tension)
         winch = self.estimator.winch
-        u, v, path = winch.path(
-            estimate[:, 2],
-            rate,
-            self.estimator.commands(estimate, np.zeros(len(estimate))),
-            first=0,
-            count=winch.n_delayed,
-        )
         sea = 3 + winch.n_pending
         n_sea = len(self.ahead) - 2
         carried = np.hstack([estimate[:, :2], estimate[:, sea : sea + n_sea]]) @ self.ahead.T
         payload = carried[:, :2] + path @ self.arrival_forcing
         return np.column_stack([payload, u, v, carried[:, 2:]])
 
-    def planned(self, state: Array) -> Array:
-        """Best rates at the knots from states at the arrival of the command [m/s], (n_envs, n_knots)."""
+    def planned(self, state: Array, capability: Capability | None = None) -> Array:
+        """Best rates at the knots from states at the arrival of the command [m/s], (n_envs, n_knots).
+
+        Args:
+            state: (n_envs, n_states of the plan).
+            capability: Of a winch that feels the tension, its speed and accelerations at the present one
+                (`WinchModel.capability`).
+        """
         assert self.plan is not None
         plan = self.plan
+        bounds = _Bounds(plan, state, capability)
         if plan.prices.any():
             todo = np.ones(len(state), dtype=bool)
             rates = np.empty((len(state), plan.n_knots))
         else:
             rates = state @ self._inverse.T
-            constrained = np.abs(rates @ plan.rows.T + state @ plan.shift.T) > plan.limits
-            todo = constrained.any(axis=1) | (np.abs(rates) > plan.fastest).any(axis=1)
+            met = rates @ plan.rows.T + state @ plan.shift.T
+            todo = ((met > bounds.upper) | (-met > bounds.lower)).any(axis=1)
+            todo |= (np.abs(rates) > bounds.fastest).any(axis=1)
         if todo.any():
-            rates[todo] = self._search.best(state[todo])
+            rates[todo] = self._search.best(state[todo], bounds.of(todo))
         return rates
+
+
+class _Bounds:
+    """Of the plan's constraints and rates, row by row; those of the constraints both positive."""
+
+    def __init__(self, plan: Plan, state: Array, capability: Capability | None) -> None:
+        n = len(state)
+        self.upper = self.lower = np.broadcast_to(plan.limits, (n, len(plan.limits)))
+        self.fastest: Array = np.full((n, 1), plan.fastest)
+        self.braking: Array = np.broadcast_to(plan.braking, (n, plan.n_knots))
+        if capability is None:
+            return
+        fastest, most, least = (np.broadcast_to(value, n)[:, None] for value in capability)
+        self.fastest = np.asarray(fastest)
+        n_limited = len(plan.spans)
+        if n_limited:
+            # A drum that the tension overpowers is planned as if it could just hold.
+            self.upper, self.lower = self.upper.copy(), self.lower.copy()
+            self.upper[:, :n_limited] = np.maximum(most, 0.0) * plan.spans
+            self.lower[:, :n_limited] = np.maximum(-least, 0.0) * plan.spans
+            self.braking = np.maximum(np.minimum(most, -least), 0.0) * np.cumsum(plan.spans)
+
+    def of(self, rows: Array) -> _Bounds:
+        """Those of some rows."""
+        found = object.__new__(_Bounds)
+        for name in ("upper", "lower", "fastest", "braking"):
+            setattr(found, name, getattr(self, name)[rows])
+        return found
 
 
 class _Search:
@@ -198,7 +247,6 @@ class _Search:
         m = n_bounds + len(rows)
         self.sense = np.zeros(m, dtype=np.int32)
         self.upper, self.lower = np.full(m, UNLIMITED), np.full(m, -UNLIMITED)
-        self.upper[:n], self.lower[:n] = min(plan.fastest, UNLIMITED), -min(plan.fastest, UNLIMITED)
         if self.priced:
             self.lower[n_bounds + len(plan.rows) :] = 0.0
         self.gradient = np.concatenate([np.zeros(n), plan.prices]) if self.priced else np.zeros(n)
@@ -207,24 +255,27 @@ class _Search:
             self.sense,
         )  # fmt: skip
 
-    def best(self, state: Array) -> Array:
+    def best(self, state: Array, bounds: _Bounds) -> Array:
         """Best rates at the knots, row by row, (n_rows, n_knots)."""
         plan, n = self.plan, self.plan.n_knots
         slope = state @ plan.slope.T
         shift = state @ plan.shift.T
         # A drum that is too fast to stop within its range or stroke may go as far as braking takes it.
         speed = state[:, 3:4]
-        slowed = np.sign(speed) * np.maximum(np.abs(speed) - plan.braking, 0.0)
-        limits = np.maximum(plan.limits, np.abs(slowed @ plan.rows.T + shift) + ROOM)
+        slowed = np.sign(speed) * np.maximum(np.abs(speed) - bounds.braking, 0.0)
+        needed = np.abs(slowed @ plan.rows.T + shift) + ROOM
+        upper, lower = np.maximum(bounds.upper, needed) - shift, -np.maximum(bounds.lower, needed) - shift
+        fastest = np.minimum(bounds.fastest, UNLIMITED)
         rates = np.empty((len(state), n))
         inner = slice(self.n_bounds, self.n_bounds + len(plan.rows))
         for row in range(len(state)):
             self.gradient[:n] = slope[row]
-            self.upper[inner], self.lower[inner] = limits[row] - shift[row], -limits[row] - shift[row]
+            self.upper[:n], self.lower[:n] = fastest[row], -fastest[row]
+            self.upper[inner], self.lower[inner] = upper[row], lower[row]
             self.model.update(f=self.gradient, bupper=self.upper, blower=self.lower, sense=self.sense)
             found, _, flag, _ = self.model.solve()
             # Braking keeps within every bound, so an answer exists; should rounding hide it, keep the rate.
-            rates[row] = found[:n] if flag > 0 else np.clip(state[row, 3], -plan.fastest, plan.fastest)
+            rates[row] = found[:n] if flag > 0 else np.clip(state[row, 3], -fastest[row], fastest[row])
         return rates
 
 
@@ -241,20 +292,30 @@ def knots_of(n_steps: int) -> Array:
     return np.array(knots)
 
 
-def planning_model(scenario: Scenario, winch: WinchModel) -> tuple[Array, Array, Array, float]:
+def planning_model(
+    scenario: Scenario, winch: WinchModel, *, straight: bool
+) -> tuple[Array, Array, Array, float]:
     """[x, x', u, v, sea] over a control step whose input is the rate at its end, and the command it takes.
+
+    Args:
+        scenario: The operation.
+        winch: Its drum.
+        straight: Whether the rate of a lag runs straight within the step; else it follows the lag, and the
+            input is its mean. A second-order drive does neither.
 
     Returns:
         A (n, n), B (n, 1), and c (n,) and d of the command u0 = c s + d v.
     """
     dt, K = winch.control_dt, winch.rate_constant
+    if winch.parameters.is_second_order:
+        return _planning_model_of_drive(scenario, winch)
     carried = carried_sea(scenario, dt)
     n = len(carried) + 2
     A, B, c = np.zeros((n, n)), np.zeros((n, 1)), np.zeros(n)
     place = np.r_[0:2, 4:n]
     A[np.ix_(place, place)] = carried
     A[2, 2] = B[3] = c[2] = 1.0
-    if winch.ramps:
+    if straight:
         # The drum's path is a parabola, which the payload meets as the cubic through its ends.
         A[2, 3] = B[2] = c[3] = 0.5 * dt
         _, forcing = linear_step(payload_model(scenario), dt)
@@ -272,18 +333,60 @@ def planning_model(scenario: Scenario, winch: WinchModel) -> tuple[Array, Array,
     return A, B, c, d
 
 
+def _planning_model_of_drive(scenario: Scenario, winch: WinchModel) -> tuple[Array, Array, Array, float]:
+    """The same of a second-order drive, exact: v1 = R10 (u - u0) + R11 v, solved for the command."""
+    continuous, R = continuous_model(scenario), winch.control_transition
+    n = len(continuous.A)
+    # The rate of the drive, the model's last state, stands behind the displacement here.
+    order = np.r_[0:3, n - 1, 3 : n - 1]
+    F, H = held_command(continuous.A, continuous.B1, winch.control_dt)
+    F, H = F[np.ix_(order, order)], H[order]
+    c, d = np.zeros(n), -1.0 / R[1, 0]
+    c[2], c[3] = 1.0, R[1, 1] / R[1, 0]
+    A, B = F + H @ c[None], d * H
+    A[3], B[3] = 0.0, 1.0
+    return A, B, c, d
+
+
 def carried_sea(scenario: Scenario, span: float) -> Array:
     """Transition of payload and sea over a time, the winch at zero; states [x, x', sea]."""
     A = continuous_model(scenario).A
-    place = np.r_[0:2, 3 : len(A)]
+    place = np.r_[0:2, 3 : len(A) - (1 if scenario.winch.is_second_order else 0)]
     return np.asarray(expm(A[np.ix_(place, place)] * span))
 
 
+def rate_jump_std(
+    scenario: Scenario, filter: KalmanFilter, *, command_weight: float, speed_weight: float
+) -> float:
+    """Standard deviation of what the rate of a lag without limits jumps by at a new command [m/s].
+
+    K times the change of the stochastic-optimal command from one step to the next, by the covariance of the
+    estimate under it.
+    """
+    model, q = filter.model, scenario.task.position_weight
+    per_step = speed_weight / scenario.control_dt**2
+    gain, _ = sampled_gain(model.A, model.B, q, command_weight, speed_weight=per_step)
+    innovation = model.C @ filter.prior_covariance @ model.C.T + model.V
+    learnt = filter.gain @ innovation @ filter.gain.T
+    closed = model.A - model.B @ gain
+    estimate = solve_discrete_lyapunov(closed, learnt)
+    change = gain @ (closed - np.eye(len(closed)))
+    variance = (change @ estimate @ change.T + gain @ learnt @ gain.T).item()
+    return float(scenario.winch.rate_constant * math.sqrt(variance))
+
+
 def plan(
-    scenario: Scenario, winch: WinchModel, *, command_weight: float, speed_weight: float, energy_weight: float
+    scenario: Scenario,
+    winch: WinchModel,
+    *,
+    command_weight: float,
+    speed_weight: float,
+    energy_weight: float,
+    straight: bool,
 ) -> Plan:
-    """Condenses the problem of a scenario."""
-    A, B, c, d = planning_model(scenario, winch)
+    """Condenses the problem of a scenario, the rate of a lag running straight within a step or not."""
+    A, B, c, d = planning_model(scenario, winch, straight=straight)
+    ramps = straight or winch.parameters.is_second_order
     q, n = scenario.task.position_weight, len(A)
     Q = command_weight * np.outer(c, c)
     Q[0, 0] += q
@@ -296,7 +399,7 @@ def plan(
     n_steps, n_knots = int(knots[-1]), len(knots)
     # Everything as rows on [state, rates at the knots].
     now = np.hstack([np.eye(n), np.zeros((n, n_knots))])
-    rates = _rates(knots, winch.ramps, n)
+    rates = _rates(knots, ramps, n)
     P = np.zeros((n + n_knots, n + n_knots))
     displacement = np.empty((n_steps, n + n_knots))
     command = np.empty_like(displacement)
@@ -310,10 +413,13 @@ def plan(
 
     rows, limits = [], []
     ends = knots - 1
-    if winch.ramps:
+    fastest, most, least = (float(value) for value in winch.capability())
+    spans = np.zeros(0)
+    if not winch.accelerates_at_once:
         earlier = np.vstack([np.eye(1, n + n_knots, 3), rates[ends[:-1]]])
+        spans = winch.control_dt * np.diff(knots, prepend=0)
         rows.append(rates[ends] - earlier)
-        limits.append(winch.acceleration_limit * winch.control_dt * np.diff(knots, prepend=0))
+        limits.append(min(most, -least) * winch.control_dt * np.diff(knots, prepend=0))
     if math.isfinite(winch.stroke_limit):
         # At every step: between far knots the drum could turn round beyond its stops.
         rows.append(displacement)
@@ -328,10 +434,11 @@ def plan(
         rows=constraints[:, n:],
         limits=np.concatenate(limits),
         shift=constraints[:, :n],
-        fastest=winch.speed_limit,
-        braking=winch.acceleration_limit * winch.control_dt * knots,
+        fastest=fastest,
+        braking=min(most, -least) * winch.control_dt * knots,
+        spans=spans,
         prices=0.5 * energy_weight * np.abs(rates[:, n:]).sum(axis=0),
-        ramps=winch.ramps,
+        ramps=ramps,
     )
 
 
@@ -424,20 +531,26 @@ def _designed(
         if not (math.isfinite(value) and value >= 0.0):
             raise ValueError(f"{label} must be a number, not negative, got {value!r}")
     found = estimator(scenario, mismatch=mismatch)
-    measures = found.filter.model.outputs
+    winch = found.winch
+    straight = winch.ramps and not scenario.winch.is_second_order
+    if straight:
+        _, most, least = winch.capability()
+        jump = rate_jump_std(scenario, found.filter, command_weight=r, speed_weight=speed_weight)
+        straight = bool(min(most, -least) * winch.control_dt < RARELY * jump)
     return PredictiveController(
-        **without_matrices(name, scenario, measures),
+        **without_matrices(name, scenario, found.measures),
         command_weight=r,
         estimator=found,
         plan=plan(
             scenario,
-            found.winch,
+            winch,
             command_weight=r,
             speed_weight=speed_weight,
             energy_weight=energy_weight,
+            straight=straight,
         ),
         ahead=carried_sea(scenario, scenario.winch.command_delay),
-        arrival_forcing=payload_forcing(scenario, found.winch.n_delayed),
+        arrival_forcing=payload_forcing(scenario, winch.n_delayed),
         speed_weight=speed_weight,
         energy_weight=energy_weight,
     )

@@ -74,6 +74,8 @@ class PeakPredictor(LinearController):
     """Time from the sample to the middle of the time that its command is held [s]."""
     time_constant: float = 0.0
     """The winch's lag [s]."""
+    squared_period: float = 0.0
+    """1/ω² of a second-order drive, zero of a lag [s²]."""
     noise_std: float = 0.0
     """Noise of a sample [m]."""
     heave_std: float = 0.0
@@ -109,7 +111,10 @@ class PeakPredictor(LinearController):
         angle = omega * self.ahead
         c, s = np.cos(angle), np.sin(angle)
         ahead, slope = cosine * c - sine * s, -omega * (cosine * s + sine * c)
-        command = self.clipped(-(ahead + self.time_constant * slope).sum(axis=1, keepdims=True))
+        wanted = ahead + self.time_constant * slope
+        if self.squared_period:
+            wanted -= self.squared_period * omega**2 * ahead
+        command = self.clipped(-wanted.sum(axis=1, keepdims=True))
 
         angle = omega * self.control_dt
         c, s = np.cos(angle), np.sin(angle)
@@ -194,7 +199,7 @@ def feedforward_peaks(scenario: Scenario) -> PeakPredictor:
             f"scenario {scenario.name!r} has a calm sea, in which there is nothing to forecast; choose a "
             "controller without a sea (lqr, delay_lqr) or another sea_state.kind"
         )
-    waves = sea_filter(scenario)
+    waves, drive = sea_filter(scenario), scenario.winch.natural_omega
     assert waves is not None
     dt, period = scenario.control_dt, 2.0 * math.pi / modal_omega(sea)
     stride = max(1, round(period / SAMPLES_PER_PERIOD / dt))
@@ -210,6 +215,7 @@ def feedforward_peaks(scenario: Scenario) -> PeakPredictor:
         peak_omega=modal_omega(sea),
         ahead=sensor.delay + scenario.winch.command_delay + 0.5 * dt,
         time_constant=scenario.winch.lag,
+        squared_period=0.0 if drive is None else drive**-2,
         noise_std=sensor.sample_std(dt),
         heave_std=math.sqrt((waves.C[0] @ waves.covariance @ waves.C[0]).item()),
     )

@@ -3,8 +3,9 @@
     v = -(kp x + ki ∫x dt + kd x'),     u0 = (1 + s/K) / (1 + s/(N K)) v,     N = 10
 
 The lead leaves the winch ten times as quick; what then stands between v and the payload is the second-order
-model a x'' + b x' + x = x0 + v and some time T = delay + dt/2 + 1/(N K). The gains place the three poles of
-the model under this feedback:
+model a x'' + b x' + x = x0 + v and some time T = delay + dt/2 + 1/(N K). A second-order drive has the lead
+(1 + 2 ζ s/ω + s²/ω²) / (1 + s/W)², W = M ω, which leaves T = delay + dt/2 + 2/W. The gains place the three
+poles of the model under this feedback:
 
     (s + α ω)(s² + 2 ζ ω s + ω²):   kd = a (2 ζ + α) ω - b,   kp = a ω² (1 + 2 ζ α) - 1,   ki = a α ω³
 
@@ -27,12 +28,14 @@ import numpy as np
 
 from baselines.linear_controller import LinearController, controller
 from baselines.lqr import PAYLOAD_MOTION, require_payload_motion, truth_model
-from baselines.model import LinearModel, linear_model, payload_model
+from baselines.model import LinearModel, held_command, linear_model, payload_model
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
 
 LEAD = 10.0
 """N, how many times quicker the lead makes the winch [-]."""
+LEAD_OF_DRIVE = 2.0
+"""M, likewise of a second-order drive [-]: what noise there is the lead multiplies by its square."""
 PHASE = 0.3
 """ω T, phase that the time left may cost at the loop's frequency [rad]."""
 DAMPING_RATIO = 0.7
@@ -70,6 +73,8 @@ def pid(scenario: Scenario, *, bandwidth: float = 1.0) -> LinearController:
 def _matrices(scenario: Scenario, gains: Array, omega: float) -> tuple[Array, Array, Array, Array, Array]:
     """D, F, G, H and L for gains kp, ki and kd, with the integral's pole at α ω."""
     kp, ki, kd = gains
+    if scenario.winch.is_second_order:
+        return _matrices_of_drive(scenario, gains, omega)
     dt, fast = scenario.control_dt, LEAD * scenario.winch.rate_constant
     # Memory: the integral of x, and v as the quickened winch follows it: u0 = N v - (N - 1) follower.
     decay = math.exp(-fast * dt)
@@ -87,6 +92,32 @@ def _matrices(scenario: Scenario, gains: Array, omega: float) -> tuple[Array, Ar
     return D, F, G, H, L
 
 
+def _matrices_of_drive(
+    scenario: Scenario, gains: Array, omega: float
+) -> tuple[Array, Array, Array, Array, Array]:
+    """The same before a second-order drive."""
+    kp, ki, kd = gains
+    dt, own, damping = scenario.control_dt, scenario.winch.natural_omega, scenario.winch.damping_ratio
+    assert own is not None
+    W = LEAD_OF_DRIVE * own
+    # Memory: the integral of x; y and y' of y'' + 2 W y' + W² y = W² v, which the drive follows under
+    # u0 = y + 2 ζ/ω y' + y''/ω² = M² v + (1 - M²) y + rate_share y'.
+    squared, rate_share = LEAD_OF_DRIVE**2, 2.0 * (damping - LEAD_OF_DRIVE) / own
+    step, given = held_command(np.array([[0.0, 1.0], [-(W**2), -2.0 * W]]), np.array([[0.0], [W**2]]), dt)
+    D = squared * np.array([[kp, kd]])
+    L = np.array([[squared * ki, squared - 1.0, -rate_share]])
+    F, G, H = np.zeros((3, 3)), np.array([[dt, 0.0], [0.0, 0.0], [0.0, 0.0]]), np.zeros((3, 1))
+    # The v that belongs to the command as clipped.
+    F[0, 0] = 1.0
+    F[1:, 1:] = step + given @ [[squared - 1.0, -rate_share]] / squared
+    H[1:] = given / squared
+    back = INTEGRAL * omega * dt / (squared * ki)
+    F[0] -= back * L[0]
+    G[0] -= back * D[0]
+    H[0, 0] = -back
+    return D, F, G, H, L
+
+
 def _spectral_radius(model: LinearModel, matrices: tuple[Array, ...]) -> float:
     """Largest modulus of the eigenvalues of model and controller in a loop [-]."""
     A, B, C = model.A, model.B, model.C
@@ -98,7 +129,10 @@ def _spectral_radius(model: LinearModel, matrices: tuple[Array, ...]) -> float:
 def remaining_time(scenario: Scenario) -> float:
     """T, what still lies between v and the payload [s]."""
     winch = scenario.winch
-    return winch.command_delay + 0.5 * scenario.control_dt + winch.lag / LEAD
+    rest = winch.lag / LEAD
+    if winch.natural_omega is not None:
+        rest = 2.0 / (LEAD_OF_DRIVE * winch.natural_omega)
+    return winch.command_delay + 0.5 * scenario.control_dt + rest
 
 
 def loop_frequency(scenario: Scenario, bandwidth: float = 1.0) -> float:

@@ -24,6 +24,7 @@ from typing import Any
 
 import numpy as np
 
+from baselines.changing_length import changes_length
 from baselines.identification import CALM_SEA
 from baselines.linear_controller import LinearController
 from baselines.lqg import lqg
@@ -53,8 +54,12 @@ WEIGHTS_WITH_SPEED = (1.0, 10.0, 100.0)
 """Multiples of the command weight that are tried with each [-]."""
 PREDICTIVE_WEIGHTS = ((1.0, 0.3), (1.0, 0.1), (1.0, 1.0), (10.0, 0.3), (1.0, 0.0))
 """Multiples of the command weight [-] and of the position weight [s²] that are tried for `mpc`."""
+ESTIMATING = ("lqg", "gain_scheduled", "time_varying_lq")
+"""Designs with a filter, whose doubt of its model is tuned too, and a weight of the speed."""
 BANDWIDTHS = (1.0, 0.7, 0.5, 0.35, 0.25, 0.18)
-"""Shares of the rule's bandwidth that are tried for `pid` [-]."""
+"""Shares of the rule's bandwidth (or gain) that are tried for `pid` and `tension_activated` [-]."""
+LARGER_BANDWIDTHS = (1.4, 2.0)
+"""Those that are tried for `pid` besides [-]: its rule is cautious where a cable's inertia is large."""
 WARM_UP = 100.0
 """Seconds that do not count [s]; a quarter of a shorter episode."""
 LONGEST = 250.0
@@ -134,11 +139,16 @@ def tuned_weights(
     if key not in _CACHE:
         if name in ("mpc", "mpc_l1"):
             _CACHE[key] = _predictive_weights(name, scenario)
+        elif name in ("gain_scheduled", "time_varying_lq") and not changes_length(scenario):
+            # Where the length stays, both are lqg.
+            _CACHE[key] = tuned_weights("lqg", lqg, scenario, {})
         elif name == "multi_model":
             # Each member is what lqg is where its parameters are known.
             _CACHE[key] = tuned_weights("lqg", lqg, scenario.with_drawn({}), {}) if _alone(scenario) else {}
-        elif name == "pid":
-            _CACHE[key] = _bandwidth(designer, scenario, options)
+        elif name == "multi_model_mpc":
+            _CACHE[key] = tuned_weights("mpc", mpc, scenario.with_drawn({}), {}) if _alone(scenario) else {}
+        elif name in ("pid", "tension_activated"):
+            _CACHE[key] = _bandwidth(name, designer, scenario, options)
         else:
             _CACHE[key] = _search(name, designer, scenario, options)
     return _CACHE[key]
@@ -152,7 +162,7 @@ def _alone(scenario: Scenario) -> bool:
 def _search(name: str, designer: Designer, scenario: Scenario, options: dict[str, Any]) -> dict[str, float]:
     operation = tuning_scenario(scenario)
     q, r = scenario.task.position_weight, scenario.task.command_weight
-    estimates = name == "lqg"
+    estimates = name in ESTIMATING
     doubts = (
         MISMATCH_FACTORS if estimates and not scenario.is_linear and "mismatch" not in options else (1.0,)
     )
@@ -209,7 +219,9 @@ def _predictive_weights(name: str, scenario: Scenario) -> dict[str, float]:
     operation = tuning_scenario(scenario)
     q, r = scenario.task.position_weight, scenario.task.command_weight
     least, chosen = math.inf, dict(of_filter)
-    for factor, speed in PREDICTIVE_WEIGHTS:
+    # At last with the weights of `lqg`, than which it should never be worse.
+    own = (of_filter["command_weight"] / r, of_filter["speed_weight"] / q)
+    for factor, speed in (*PREDICTIVE_WEIGHTS, own):
         trial = of_filter | {"command_weight": factor * r, "speed_weight": speed * q}
         cost = training_cost(operation, mpc(scenario, **trial), limit=least)
         if cost < least:
@@ -233,11 +245,18 @@ def _priced_weights(scenario: Scenario) -> dict[str, float]:
     return chosen
 
 
-def _bandwidth(designer: Designer, scenario: Scenario, options: dict[str, Any]) -> dict[str, float]:
+def _bandwidth(
+    name: str, designer: Designer, scenario: Scenario, options: dict[str, Any]
+) -> dict[str, float]:
     operation = tuning_scenario(scenario)
     least, chosen = math.inf, BANDWIDTHS[-1]
     for share in BANDWIDTHS:
         cost = training_cost(operation, designer(scenario, bandwidth=share, **options), limit=least)
         if cost < least:
+            least, chosen = cost, share
+    # More than the rule's only where that has been the best, and where it is worth the caution.
+    for share in LARGER_BANDWIDTHS if name == "pid" and chosen == BANDWIDTHS[0] else ():
+        cost = training_cost(operation, designer(scenario, bandwidth=share, **options), limit=least)
+        if cost < least / CAUTION:
             least, chosen = cost, share
     return {"bandwidth": chosen}

@@ -1,32 +1,41 @@
-"""The winch as a controller reckons it: the plant's own lag within its limits, for a batch of rows.
+"""The winch as a controller reckons it: the plant's own drum within its limits, for a batch of rows.
 
     u' = K (u0(t - delay) - u),   |u'| <= speed limit,   |u''| <= acceleration limit,   |u| <= stroke limit
+
+or a second-order drive u'' + 2 ζ ω u' + ω² u = ω² u0(t - delay) within the same limits; either with limits of
+power and torque, which depend on the tension at the sheave, with a dead band, and with rounded commands. The
+tension is what the controller believes it to be: measured, or that of the cable hanging still.
 
 A designed controller knows its commands, so it knows where the drum is even while a limit bites, which a
 linear model does not. And it can ask the other question: which command makes the drum do what is wanted of it
 over a control step. Inverting the lag alone, u0 = u + u'/K, wastes a tenth of the acceleration and more, for
-a held command lets the drum slow down between two solver steps.
+a held command lets the drum slow down between two solver steps. Dead band and rounding can be inverted up to
+a point (`shaped`): a drum that rests while |u0 - u| is no larger than its dead band is sent farther, so that
+it comes to rest where it is wanted, and of the round commands the one is given whose end is nearest.
 
 The equations are those of the plant's winch, solver step by solver step, so that both stay together to
-rounding. Source: Huang (1992), (6.1) and (6.12).
+rounding. Source: Huang (1992), (6.1), (6.12) and 6.5.
 """
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
 
 from baselines.model import payload_model
-from heave_env.parameters import LinearPayload
-from heave_env.plant import linear_step
+from heave_env.parameters import LinearPayload, Winch
+from heave_env.plant import drive_step, linear_step
 from heave_env.scenarios import Scenario
 from heave_env.sea import Array
 
 N_CORRECTIONS = 3
 """Rounds in which a command is found for a wanted rate [-]; each wins a factor K dt, forty or so."""
+
+LEAST_MOVE = 1.001
+"""Dead bands that a command is sent away from the drum to move it at all [-]."""
 
 
 @dataclass(frozen=True)
@@ -49,6 +58,10 @@ class WinchModel:
     """[m]; infinite without one."""
     command_range: float
     """Largest |u0| [m]."""
+    parameters: Winch
+    """All numbers of the winch."""
+    static_tension: float = 0.0
+    """Sheave tension of the cable hanging still [N], where none is measured."""
 
     @cached_property
     def decay(self) -> float:
@@ -66,17 +79,80 @@ class WinchModel:
         return -(-self.n_delayed // self.n_substeps)
 
     @property
+    def accelerates_at_once(self) -> bool:
+        """Whether nothing limits the acceleration."""
+        return not math.isfinite(self.acceleration_limit) and self.parameters.torque_limit is None
+
+    @property
     def ramps(self) -> bool:
-        """Whether the rate cannot jump: there is an acceleration limit."""
-        return math.isfinite(self.acceleration_limit)
+        """Whether the rate cannot jump: the drive is of the second order, or its acceleration limited."""
+        return self.parameters.is_second_order or not self.accelerates_at_once
 
     @property
     def is_limited(self) -> bool:
-        """Whether there is any limit but the command's range."""
-        return any(map(math.isfinite, (self.speed_limit, self.acceleration_limit, self.stroke_limit)))
+        """Whether there is any limit but the command's range, dead band and rounding included."""
+        return self.parameters.is_limited
 
-    def step(self, u: Array, v: Array, u0: Array) -> tuple[Array, Array, Array]:
-        """Displacement, its rate at the start and at the end of a solver step under a command, (n_rows,)."""
+    @property
+    def feels_tension(self) -> bool:
+        """Whether what it can do depends on the tension."""
+        return self.parameters.power_limit is not None or self.parameters.torque_limit is not None
+
+    @property
+    def is_uneven(self) -> bool:
+        """Whether a dead band or rounding stands between command and drive."""
+        return self.parameters.dead_band > 0.0 or self.parameters.command_step > 0.0
+
+    @cached_property
+    def even(self) -> WinchModel:
+        """The same winch without dead band and rounding."""
+        return replace(self, parameters=replace(self.parameters, dead_band=0.0, command_step=0.0))
+
+    @cached_property
+    def transition(self) -> Array:
+        """Of a second-order drive's [u - u0, u'] over a solver step, (2, 2)."""
+        return drive_step(self.parameters, self.dt)
+
+    @cached_property
+    def control_transition(self) -> Array:
+        """The same over a control step."""
+        return drive_step(self.parameters, self.control_dt)
+
+    def capability(self, tension: Array | None = None) -> tuple[Array | float, Array | float, Array | float]:
+        """Largest speed [m/s], largest and least acceleration [m/s²] at a tension.
+
+        Args:
+            tension: At the sheave [N], (n_rows,); that of the cable hanging still if not given.
+
+        Returns:
+            (n_rows,) each, or numbers where the tension does not matter.
+        """
+        winch = self.parameters
+        T = self.static_tension if tension is None else tension
+        fastest: Array | float = self.speed_limit
+        most: Array | float = self.acceleration_limit
+        least: Array | float = -self.acceleration_limit
+        if winch.power_limit is not None:
+            fastest = np.minimum(fastest, winch.power_limit / np.maximum(np.abs(T), 1e-9))
+        if winch.torque_limit is not None:
+            assert winch.drum_radius is not None and winch.drum_inertia is not None
+            per_inertia, load = winch.drum_radius / winch.drum_inertia, np.asarray(T) * winch.drum_radius
+            most = np.minimum(most, (winch.torque_limit - load) * per_inertia)
+            least = np.maximum(least, (-winch.torque_limit - load) * per_inertia)
+            least = np.minimum(least, most)
+        return fastest, most, least
+
+    def step(self, u: Array, v: Array, u0: Array, tension: Array | None = None) -> tuple[Array, Array, Array]:
+        """Displacement, its rate at the start and at the end of a solver step under a command, (n_rows,).
+
+        Args:
+            u: Displacement [m], (n_rows,).
+            v: Its rate [m/s], (n_rows,).
+            u0: The command that acts [m], (n_rows,).
+            tension: At the sheave [N], (n_rows,); that of the cable hanging still if not given.
+        """
+        if self.parameters.is_driven or self.parameters.is_second_order:
+            return self._driven_step(u, v, u0, tension)
         K, dt = self.rate_constant, self.dt
         if not self.is_limited:
             gap = (u0 - u) * self.decay
@@ -101,8 +177,47 @@ class WinchModel:
         kept = np.clip(new, -self.stroke_limit, self.stroke_limit)
         return kept, start, np.where(kept == new, end, 0.0)
 
+    def _driven_step(
+        self, u: Array, v: Array, u0: Array, tension: Array | None
+    ) -> tuple[Array, Array, Array]:
+        """The same of a second-order drive, and of any with more than limits of stroke, speed and
+        acceleration."""
+        winch, K, dt = self.parameters, self.rate_constant, self.dt
+        if winch.command_step > 0.0:
+            u0 = winch.command_step * np.floor(u0 / winch.command_step + 0.5)
+        if winch.dead_band > 0.0:
+            u0 = np.where(np.abs(u0 - u) <= winch.dead_band, u, u0)
+        error = u - u0
+        if winch.is_second_order:
+            R, start = self.transition, v
+            free = u0 + R[0, 0] * error + R[0, 1] * v
+            wanted = R[1, 0] * error + R[1, 1] * v
+        else:
+            gap = error * self.decay
+            free, wanted = u0 + gap, -K * gap
+            start = -K * error if self.accelerates_at_once else v
+        fastest, most, least = self.capability(tension)
+        if self.accelerates_at_once:
+            start = np.clip(start, -fastest, fastest)
+        end = np.clip(wanted, -fastest, fastest)
+        if not self.accelerates_at_once:
+            end = start + np.maximum(np.minimum((end - start) / dt, most), least) * dt
+        trapezoid = u + 0.5 * dt * (start + end)
+        if winch.is_second_order or self.accelerates_at_once:
+            bitten = np.abs(end - wanted) > 1e-9 * (1.0 + np.abs(wanted))
+            trapezoid = np.where(bitten, trapezoid, free)
+        kept = np.clip(trapezoid, -self.stroke_limit, self.stroke_limit)
+        return kept, start, np.where(kept == trapezoid, end, 0.0)
+
     def path(
-        self, u: Array, v: Array, commands: Array, *, first: int, count: int
+        self,
+        u: Array,
+        v: Array,
+        commands: Array,
+        *,
+        first: int,
+        count: int,
+        tension: Array | None = None,
     ) -> tuple[Array, Array, Array]:
         """The drum over some solver steps from a control instant.
 
@@ -113,6 +228,7 @@ class WinchModel:
                 (n_rows, 1 + n_pending); the newest is not looked at while older ones are still acting.
             first: Solver steps between the instant and the first of these.
             count: Solver steps to take.
+            tension: At the sheave all the while [N], (n_rows,); that of the cable hanging still if not given.
 
         Returns:
             Displacement and rate at the end, and the path as the payload meets it: displacement and rate at
@@ -121,25 +237,31 @@ class WinchModel:
         path = np.empty((len(u), 4 * count))
         for i in range(count):
             acting = (first + i - self.n_delayed) // self.n_substeps
-            new, start, end = self.step(u, v, commands[:, -acting])
+            new, start, end = self.step(u, v, commands[:, -acting], tension)
             path[:, 4 * i], path[:, 4 * i + 1] = u, start
             path[:, 4 * i + 2], path[:, 4 * i + 3] = new, end
             u, v = new, end
         return u, v, path
 
-    def command_for_rate(self, u: Array, v: Array, rate: Array) -> Array:
+    def command_for_rate(self, u: Array, v: Array, rate: Array, tension: Array | None = None) -> Array:
         """Command that, held over a control step, ends it at a rate, or as near to it as the limits let it.
 
         Args:
             u: Displacement when the command arrives [m], (n_rows,).
             v: Its rate then [m/s], (n_rows,).
             rate: Wanted at the end of the control step [m/s], (n_rows,).
+            tension: At the sheave [N], (n_rows,); that of the cable hanging still if not given.
 
         Returns:
-            Commands within the range [m], (n_rows,).
+            Commands within the range [m], (n_rows,), of a winch without dead band and rounding.
         """
+        if self.is_uneven:
+            return self.even.command_for_rate(u, v, rate, tension)
+        if self.parameters.is_second_order:
+            return self._drive_for_rate(u, v, rate, tension)
         per_rate = 1.0 / (self.rate_constant * self.decay)
-        most = self.acceleration_limit * self.dt
+        _, up, down = self.capability(tension)
+        most = np.where(rate > v, up, np.negative(down)) * self.dt
         u0 = u + per_rate * rate
         for _ in range(N_CORRECTIONS):
             at, speed = u, v
@@ -149,25 +271,88 @@ class WinchModel:
                 # What this solver step leaves to do must be within reach of those that follow.
                 slack = per_rate * (self.n_substeps - 1 - i) * most
                 low, high = np.maximum(low, u0_now - slack), np.minimum(high, u0_now + slack)
-                at, _, speed = self.step(at, speed, u0)
+                at, _, speed = self.step(at, speed, u0, tension)
             # The last step asks for the rate itself; where an earlier one asks for more, it is at its limit.
             u0 = np.where(low > u0_now, low, np.where(high < u0_now, high, u0_now))
         return np.asarray(np.clip(u0, -self.command_range, self.command_range))
 
-    def command_for_displacement(self, u: Array, displacement: Array) -> Array:
+    def _drive_for_rate(self, u: Array, v: Array, rate: Array, tension: Array | None) -> Array:
+        """The same of a second-order drive: inverted as if free, and corrected by what its limits leave."""
+        R = self.control_transition
+        u0 = u + (R[1, 1] * v - rate) / R[1, 0]
+        for _ in range(N_CORRECTIONS if self.is_limited else 0):
+            at, speed = u, v
+            for _ in range(self.n_substeps):
+                at, _, speed = self.step(at, speed, u0, tension)
+            u0 = u0 - (rate - speed) / R[1, 0]
+        return np.asarray(np.clip(u0, -self.command_range, self.command_range))
+
+    def shaped(self, u: Array, v: Array, command: Array, tension: Array | None = None) -> Array:
+        """The command that does, through dead band and rounding, most nearly what another would do without.
+
+        Args:
+            u: Displacement when the command arrives [m], (n_rows,).
+            v: Its rate then [m/s], (n_rows,).
+            command: Meant for the winch without dead band and rounding, within its range [m], (n_rows,).
+            tension: At the sheave [N], (n_rows,); that of the cable hanging still if not given.
+
+        Returns:
+            Commands within the range [m], (n_rows,), whole multiples of `command_step` if there is one; the
+            same command if there is neither rounding nor dead band.
+        """
+        if not self.is_uneven:
+            return command
+        wanted, rate = self._held(u, v, command, self.even, tension)
+        band, quantum = self.parameters.dead_band, self.parameters.command_step
+        tried = [command]
+        if band > 0.0:
+            # Beside it: to rest; the least that moves it, with a margin for single precision; to where the
+            # dead band begins beyond the wanted end; and what takes a lag there in so many solver steps, so
+            # that it then rests.
+            way = wanted - u
+            tried += [u, u + np.sign(way) * LEAST_MOVE * band, wanted + np.sign(way) * band]
+            if not self.parameters.is_second_order:
+                tried += [u + way / (1.0 - self.decay**n) for n in range(1, self.n_substeps)]
+        if quantum > 0.0:
+            tried = [quantum * whole(one / quantum) for one in tried for whole in (np.floor, np.ceil)]
+            within = quantum * math.floor(self.command_range / quantum)
+            tried = [np.clip(one, -within, within) for one in tried]
+        best = np.asarray(np.clip(tried[0], -self.command_range, self.command_range))
+        least = np.full(len(u), np.inf)
+        for one in tried:
+            given = np.clip(one, -self.command_range, self.command_range)
+            at, speed = self._held(u, v, given, self, tension)
+            miss = np.abs(at - wanted)
+            if self.ramps:
+                miss = miss + self.control_dt * np.abs(speed - rate)
+            best, least = np.where(miss < least, given, best), np.minimum(miss, least)
+        return best
+
+    def _held(
+        self, u: Array, v: Array, command: Array, winch: WinchModel, tension: Array | None
+    ) -> tuple[Array, Array]:
+        """Displacement and rate of a winch that has held a command for a control step, (n_rows,) each."""
+        for _ in range(self.n_substeps):
+            u, _, v = winch.step(u, v, command, tension)
+        return u, v
+
+    def command_for_displacement(self, u: Array, displacement: Array, tension: Array | None = None) -> Array:
         """Command that, held over a control step, moves a drum without acceleration limit to a displacement.
 
         Args:
             u: Displacement when the command arrives [m], (n_rows,).
             displacement: Wanted at the end of the control step [m], (n_rows,).
+            tension: At the sheave [N], (n_rows,); that of the cable hanging still if not given.
 
         Returns:
-            Commands within the range [m], (n_rows,); full speed where the wanted is out of reach.
+            Commands within the range [m], (n_rows,), of a winch without dead band and rounding; full speed
+            where the wanted is out of reach.
         """
-        K, fastest, span = self.rate_constant, self.speed_limit, self.control_dt
+        K, span = self.rate_constant, self.control_dt
+        fastest = self.capability(tension)[0]
         way, direction = np.abs(displacement - u), np.sign(displacement - u)
         gap = way / -math.expm1(-K * span)
-        if math.isfinite(fastest):
+        if np.all(np.isfinite(fastest)):
             # Faster than the limit at first: full speed for a time, and the lag for the rest of the step.
             # way = fastest t + (fastest / K) (1 - exp(-K (span - t))), whose t a few Newton steps find.
             t = np.zeros(len(u))
@@ -196,6 +381,8 @@ def winch_model(scenario: Scenario) -> WinchModel:
         acceleration_limit=limit(winch.acceleration_limit),
         stroke_limit=limit(winch.stroke_limit),
         command_range=winch.command_range,
+        parameters=winch,
+        static_tension=scenario.static_tension,
     )
 
 

@@ -104,13 +104,27 @@ def parser() -> Parser:
     listing = verb(
         "scenarios",
         _scenarios,
-        "list the named scenarios, or show one as YAML",
+        "list the named scenarios and their variants, show one as YAML, or write their pages",
         "heave scenarios list",
         "heave scenarios show sea_state_5 > mine.yaml",
+        "heave scenarios show sea_state_5@rougher",
+        "heave scenarios page landing --out docs/scenarios",
     )
-    listing.add_argument("action", choices=("list", "show"), help="what to do")
-    listing.add_argument("scenario", nargs="?", metavar="SCENARIO", help="name or YAML file, for show")
+    listing.add_argument("action", choices=("list", "show", "page"), help="what to do")
+    listing.add_argument(
+        "scenario", nargs="?", metavar="SCENARIO", help="name or YAML file, for show; name, for page (all)"
+    )
     listing.add_argument("--tag", metavar="TAG", help="list only the scenarios with this tag")
+    listing.add_argument(
+        "--seeds", type=int, default=8, metavar="N", help="of a page: the first N test seas (8)"
+    )
+    listing.add_argument(
+        "--controllers", metavar="A,B,...", help="of a page: designs (none, forecast, lqg, mpc and others)"
+    )
+    listing.add_argument("--duration", type=_seconds, metavar="S", help="of a page: length of an episode [s]")
+    listing.add_argument(
+        "--out", default="docs/scenarios", metavar="DIR", help="folder of the pages (docs/scenarios)"
+    )
     _add_set(listing)
 
     simulate = verb(
@@ -173,6 +187,11 @@ def parser() -> Parser:
         "--clairvoyant",
         action="store_true",
         help="also the least cost of who knows each sea beforehand (linear payload; seconds for each sea)",
+    )
+    compare.add_argument(
+        "--oracle",
+        action="store_true",
+        help="also the cost of who knows what each episode draws, and every cost over it (uncertainty)",
     )
     _add_other(compare)
     compare.add_argument("--out", required=True, metavar="DIR", help="folder for the results")
@@ -309,7 +328,15 @@ def parser() -> Parser:
         "heave bench --json bench.json",
     )
     bench.add_argument("--json", metavar="FILE", help="write every figure with its yardstick and ratio")
+    bench.add_argument("--markdown", action="store_true", help="print the tables as docs/benchmark.md has them")
     bench.add_argument("--lines", action="store_true", help="the line in three dimensions beside MoorDyn")
+    bench.add_argument(
+        "--gpu",
+        nargs="?",
+        const="cuda",
+        metavar="DEVICE",
+        help="the plant on a GPU (cuda, cuda:1, ...; cpu tries the same kernel on the processor)",
+    )
     bench.add_argument("--quick", action="store_true", help="short measurements: a smoke test")
     return top
 
@@ -371,9 +398,8 @@ def scenario_of(name: str, settings: Sequence[str] = ()) -> Scenario:
         ValueError: If there is none, or a setting is impossible.
     """
     scenario = scenarios.load(name)
-    for path, value in _settings(settings, "winch.command_delay=0.4"):
-        scenario = scenarios.with_value(scenario, path, value)
-    return scenario
+    values = dict(_settings(settings, "winch.command_delay=0.4"))
+    return scenarios.with_values(scenario, values) if values else scenario
 
 
 def _settings(settings: Sequence[str], example: str) -> list[tuple[str, Any]]:
@@ -477,6 +503,9 @@ def _scenarios(options: argparse.Namespace) -> None:
             )
         print(scenarios.to_yaml(scenario_of(options.scenario, options.settings)), end="")
         return
+    if options.action == "page":
+        _scenario_pages(options)
+        return
     if options.scenario is not None or options.settings:
         raise ValueError("scenarios list takes no scenario and no --set; heave scenarios show does")
     found = scenarios.names(options.tag)
@@ -484,6 +513,8 @@ def _scenarios(options: argparse.Namespace) -> None:
         tags = sorted({tag for name in scenarios.names() for tag in scenarios.load(name).tags})
         raise ValueError(f"no scenario has the tag {options.tag!r}; tags: {', '.join(tags)}")
     from rich.table import Table
+
+    from experiments.scenario_pages import variant_rows
 
     table = Table(box=None, pad_edge=False, header_style="bold", padding=(0, 2, 1, 0))
     table.add_column("name", no_wrap=True)
@@ -503,7 +534,40 @@ def _scenarios(options: argparse.Namespace) -> None:
             ", ".join(scenario.tags),
             scenario.description,
         )
-    _console(width=None if sys.stdout.isatty() else 160).print(table)
+    console = _console(width=None if sys.stdout.isatty() else 160)
+    console.print(table)
+    variants = _table(
+        "variant, as NAME@rougher",
+        "what is other for the plant",
+        "not of",
+        wide="what is other for the plant",
+    )
+    for row in variant_rows():
+        variants.add_row(*row)
+    console.print(variants, markup=False)
+
+
+def _scenario_pages(options: argparse.Namespace) -> None:
+    from experiments.scenario_pages import NOTES, write_page
+
+    if options.settings:
+        raise ValueError("scenarios page takes no --set: a page is of a named scenario as it is")
+    note = _console(stderr=True)
+    controllers = None if options.controllers is None else options.controllers.split(",")
+    for name in NOTES if options.scenario is None else [options.scenario]:
+
+        def told(what: str, name: str = name) -> None:
+            note.print(f"{name}: {what}", markup=False)
+
+        page = write_page(
+            name,
+            options.out,
+            n_seeds=options.seeds,
+            controllers=controllers,
+            duration=options.duration,
+            progress=told,
+        )
+        print(page)
 
 
 def _simulate(options: argparse.Namespace) -> None:
@@ -695,6 +759,7 @@ def _compare(options: argparse.Namespace) -> None:
             reference=options.reference,
             allow_other_scenario=options.allow_other_scenario,
             clairvoyant=options.clairvoyant,
+            oracle=options.oracle,
             arguments=options.arguments,
             progress=advance,
         )
@@ -718,6 +783,7 @@ def _print_tables(out: Path) -> None:
             f"{name}: {run['n_seeds']} unseen seas, {item['scored']:g} s after {item['warm_up']:g} s, "
             f"delay {item['command_delay']:g} s"
         )
+        over_oracle = ("J / oracle",) if item.get("oracles") else ()
         for heading in (
             "controller",
             "sees",
@@ -727,6 +793,7 @@ def _print_tables(out: Path) -> None:
             "control energy [m²]",
             "cost J",
             "J / optimum",
+            *over_oracle,
             "ended early",
         ):
             shape: Any = "left" if heading in ("controller", "sees") else "right"
@@ -742,9 +809,12 @@ def _print_tables(out: Path) -> None:
                 with_interval(metrics["control_energy"]),
                 with_interval(metrics["cost"]),
                 with_interval(metrics.get("cost_ratio_to_optimum")),
+                *(with_interval(metrics["cost_over_oracle"]) for _ in over_oracle),
                 ended_early(metrics),
             )
         console.print(table)
+        for label, cost in item.get("oracles", {}).items():
+            console.print(f"yardstick {label}, who knows what each episode drew: cost J {with_interval(cost)}")
         if item["warm_up"] < WARM_UP or item["scored"] < SCORED:
             console.print(
                 f"The episode is shorter than the protocol's {WARM_UP + SCORED:g} s: {item['scored']:g} s "
@@ -826,7 +896,7 @@ def _sea(options: argparse.Namespace) -> None:
 
 def _bench(options: argparse.Namespace) -> None:
     from experiments import runs
-    from experiments.benchmark import measure, tables
+    from experiments.benchmark import markdown, measure, tables
 
     if options.json is not None:
         runs.check_file(options.json)
@@ -839,12 +909,25 @@ def _bench(options: argparse.Namespace) -> None:
             print(f"figures: {runs.write_json(options.json, line_figures(speeds, options.arguments))}")
         return
     console = _console(stderr=True)
+    if options.gpu is not None:
+        from experiments.gpu_benchmark import gpu_table, measure_gpu
+
+        found = measure_gpu(
+            options.gpu,
+            quick=options.quick,
+            arguments=options.arguments,
+            announce=lambda line: console.print(line, markup=False),
+        )
+        print("\n".join(gpu_table(found)))
+        if options.json is not None:
+            print(f"figures: {runs.write_json(options.json, found)}")
+        return
     found = measure(
         quick=options.quick,
         arguments=options.arguments,
         announce=lambda line: console.print(line, markup=False),
     )
-    for line in tables(found):
+    for line in markdown(found) if options.markdown else tables(found):
         print(line)
     if options.json is not None:
         print(f"figures: {runs.write_json(options.json, found)}")

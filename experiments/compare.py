@@ -15,6 +15,7 @@ from experiments import runs
 from experiments.metrics import (
     SCORED,
     WARM_UP,
+    mean_cost,
     metric_names,
     scores,
     spectrum,
@@ -106,6 +107,7 @@ def run_contest(
     warm_up: float | None = None,
     dtype: str = "float64",
     clairvoyant: bool = False,
+    oracle: bool = False,
     progress: Callable[[str, int], None] | None = None,
 ) -> Contest:
     """Runs every controller in the same seas of a scenario and scores it.
@@ -117,12 +119,14 @@ def run_contest(
         warm_up: Time left out at the start [s]; None: the protocol's.
         dtype: Precision of the plant.
         clairvoyant: Whether the cost of who knows the sea beforehand is worked out, seconds for each sea.
+        oracle: Whether those run too who know what each episode draws.
         progress: Called with a label and a number of steps done since the last call.
 
     Returns:
         Scores and the first seas in full.
     """
     from baselines.bound import causal_bound, optimal_cost
+    from baselines.oracle import oracle as make_oracle
 
     part = window(scenario.duration, scenario.control_dt, warm_up)
     collected: dict[str, list[tuple[Trajectory, dict[str, Array], Array, dict[str, Array]]]] = {}
@@ -159,14 +163,30 @@ def run_contest(
         sees: optimal_cost(dataclasses.replace(scenario, information_set=sees))
         for sees in {entry.information_set for entry in entries}
     }
+    oracles: dict[str, Array] = {}
+    for label in oracle_labels(scenario) if oracle else ():
+        costs = []
+        for batch in batches(scenario, seeds):
+
+            def designed(count: int, label: str = label) -> None:
+                if progress is not None:
+                    progress(f"{label} designs", count * scenario.n_steps)
+
+            made = make_oracle(scenario, batch, design=label, progress=designed)
+            trajectory = run(Entry(label, label, made, scenario.information_set), batch)
+            costs.append(mean_cost(trajectory, part))
+        oracles[label] = np.concatenate(costs)
     outcomes = []
     for entry in entries:
         parts = collected[entry.label]
         rows = {name: np.concatenate([item[1][name] for item in parts]) for name in parts[0][1]}
+        values = {name: rows[name] for name in metric_names(scenario) if name in rows}
+        if oracles:
+            values["cost_over_oracle"] = rows["cost"] / list(oracles.values())[-1]
         outcomes.append(
             Outcome(
                 entry=entry,
-                values={name: rows[name] for name in metric_names(scenario) if name in rows},
+                values=values,
                 ends={name.removeprefix("ended:"): rows[name] for name in rows if name.startswith("ended:")},
                 sample=_joined([item[0] for item in parts if item[0].n_seas]),
                 omega=parts[0][2],
@@ -190,7 +210,12 @@ def run_contest(
         from baselines.clairvoyant import clairvoyant_cost
 
         known = clairvoyant_cost(scenario, seeds, warm_up=part.warm_up)
-    return Contest(scenario, part, outcomes, causal_bound(scenario), known)
+    return Contest(scenario, part, outcomes, causal_bound(scenario), known, oracles)
+
+
+def oracle_labels(scenario: Scenario) -> tuple[str, ...]:
+    """The oracles of a scenario: with `lqg`, and where the winch has limits also with `mpc`."""
+    return ("oracle", "oracle_mpc") if scenario.winch.is_limited else ("oracle",)
 
 
 def _joined(parts: list[Trajectory]) -> Trajectory:
@@ -224,6 +249,7 @@ def compare(
     reference: str | None = None,
     allow_other_scenario: bool = False,
     clairvoyant: bool = False,
+    oracle: bool = False,
     arguments: list[str] | None = None,
     progress: Callable[[str, str, int, int], None] | None = None,
 ) -> Path:
@@ -242,6 +268,7 @@ def compare(
         reference: Controller that paired differences are taken from; None: `default_reference`.
         allow_other_scenario: Whether an agent may act in a scenario it was not trained for.
         clairvoyant: Whether the yardstick that knows each sea beforehand is worked out, seconds for each sea.
+        oracle: Whether the yardstick that knows what each episode draws runs too.
         arguments: Command line of the provenance; None: the process's own.
         progress: Called with scenario, label, steps done since the last call and steps in all.
 
@@ -275,6 +302,12 @@ def compare(
                 f"the clairvoyant yardstick takes a linear payload, scenario {scenario.name!r} has "
                 "a cable; leave --clairvoyant out"
             )
+    for scenario in scenarios if oracle else ():
+        if not scenario.uncertainty:
+            raise ValueError(
+                f"the oracle yardstick takes a scenario whose episodes draw parameters, and "
+                f"{scenario.name!r} has no uncertainty; leave --oracle out"
+            )
     prepared = []
     for scenario in scenarios:
         entries = []
@@ -302,6 +335,7 @@ def compare(
                 warm_up=warm_up,
                 dtype=dtype,
                 clairvoyant=clairvoyant,
+                oracle=oracle,
                 progress=report,
             )
         )

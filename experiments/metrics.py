@@ -38,6 +38,8 @@ class Metric:
     """Whether only a plant with a cable has it."""
     landing: bool = False
     """Whether only an operation that is to land has it."""
+    oracle: bool = False
+    """Whether only a comparison with the oracle has it."""
     priced: bool = False
     """Whether only a task that puts a price on the winch's work has it."""
 
@@ -70,6 +72,7 @@ METRICS: dict[str, Metric] = {
     "energy_cost": Metric(
         "-", "the part e |T v| / T_s of J, where the winch's work has a price", priced=True
     ),
+    "cost_over_oracle": Metric("-", "J over what the oracle costs in the same sea", oracle=True),
 }
 """Metrics of a sea, in the order of the tables."""
 
@@ -83,6 +86,7 @@ def metric_names(scenario: Scenario) -> list[str]:
         if not (metric.cable and scenario.is_linear)
         and (lands or not metric.landing)
         and (scenario.task.energy_weight > 0.0 or not metric.priced)
+        and not metric.oracle
     ]
 
 

@@ -161,6 +161,26 @@ def cost_table(controllers: dict[str, Any], reference: str) -> tuple[list[Column
     return columns, rows
 
 
+def oracle_table(controllers: dict[str, Any]) -> tuple[list[Column], list[list[str]]] | None:
+    """What not knowing the parameters costs: headings and one row of texts per controller; None without an
+    oracle."""
+    if not all("cost_over_oracle" in found["metrics"] for found in controllers.values()):
+        return None
+    columns = [
+        ("J / J of the oracle", "ratio in the same sea, mean over seas ± 95 % interval"),
+        ("median", "over seas"),
+        ("95 %", "of the seas lie below"),
+        ("maximum", "over seas"),
+    ]
+    rows = []
+    for found in controllers.values():
+        ratio = found["metrics"]["cost_over_oracle"]
+        rows.append(
+            [with_interval(ratio), *(significant(ratio[key]) for key in ("median", "p95", "maximum"))]
+        )
+    return columns, rows
+
+
 def cable_table(controllers: dict[str, Any]) -> tuple[list[Column], list[list[str]]] | None:
     """What winch and cable bore: headings and one row of texts per controller; None without a cable."""
     if not all("tension_peak" in found["metrics"] for found in controllers.values()):
@@ -287,6 +307,7 @@ def _scenario_view(
     for title, table in (
         ("What is left of the motion", motion_table(controllers)),
         ("What it costs", cost_table(controllers, reference)),
+        ("What not knowing the parameters costs", oracle_table(controllers)),
         ("What winch and cable bear", cable_table(controllers)),
     ):
         if table is None:
@@ -347,6 +368,8 @@ def _facts(scenario: dict[str, Any], found: dict[str, Any]) -> list[tuple[str, s
         facts.append(("foresight needed", f"{bound['horizon']:g} s"))
     if found.get("clairvoyant"):
         facts.append(("clairvoyant J", with_interval(found["clairvoyant"])))
+    for label, cost in found.get("oracles", {}).items():
+        facts.append((f"yardstick {label}, J", with_interval(cost)))
     batches = {
         int(item["metrics"]["decision_time"]["n_seas"])
         for item in found["controllers"].values()

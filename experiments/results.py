@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -21,7 +21,7 @@ Array = np.ndarray
 
 RESULT_COLUMNS = ("scenario", "controller", "metric", "unit", "value", "low", "high", "n_seas")
 """Columns of `results.csv`."""
-SPREAD_METRICS = ("payload_heave_std", "cost")
+SPREAD_METRICS = ("payload_heave_std", "cost", "cost_over_oracle")
 """Metrics whose median, 95 % and maximum over seas have rows of their own."""
 DIFFERENCE_METRICS = ("payload_heave_std", "cost")
 """Metrics whose paired difference from the reference controller is given."""
@@ -93,6 +93,15 @@ class Contest:
     """What no causal controller can beat, where it is known."""
     clairvoyant: Array | None = None
     """Least cost J of each sea for who knows it beforehand, (n_seas,), if it was asked for."""
+    oracles: dict[str, Array] = field(default_factory=dict)
+    """Cost J of each sea for who knows what it drew, by design, (n_seas,), if it was asked for; the last one
+    is what `cost_over_oracle` is over."""
+
+    @property
+    def yardsticks(self) -> dict[str, Array]:
+        """Costs J of those that are no rivals, by what their rows say for a controller."""
+        known = {} if self.clairvoyant is None else {CLAIRVOYANT: self.clairvoyant}
+        return known | self.oracles
 
 
 @dataclass(frozen=True)
@@ -150,13 +159,11 @@ def result_rows(contest: Contest, reference: str) -> list[Row]:
         for name in ("energy_index", "predicted_cost"):
             if name in described:
                 add(name, "-", described[name], None, n_seas)
-    if contest.clairvoyant is not None:
-        found = summary(contest.clairvoyant)
-        rows.append(Row(CLAIRVOYANT, "cost", "-", found.mean, found.low, found.high, found.n_seas))
+    for label, costs in contest.yardsticks.items():
+        found = summary(costs)
+        rows.append(Row(label, "cost", "-", found.mean, found.low, found.high, found.n_seas))
         for spread in ("median", "p95", "maximum"):
-            rows.append(
-                Row(CLAIRVOYANT, f"cost_{spread}", "-", getattr(found, spread), None, None, found.n_seas)
-            )
+            rows.append(Row(label, f"cost_{spread}", "-", getattr(found, spread), None, None, found.n_seas))
     return rows
 
 
@@ -287,6 +294,9 @@ def _summary(contests: list[Contest], seeds: range, reference: str, made: dict[s
             "clairvoyant": None
             if contest.clairvoyant is None
             else dataclasses.asdict(summary(contest.clairvoyant)),
+            "oracles": {
+                label: dataclasses.asdict(summary(costs)) for label, costs in contest.oracles.items()
+            },
             "controllers": controllers,
         }
     return {

@@ -12,6 +12,7 @@ from experiments import runs
 from experiments.compare import controller_of
 from experiments.rollout import FIRST_TEST_SEED, Trajectory, rollout, with_duration
 from heave_env.controller import Controller, NoControl
+from heave_env.parameters import PayOut
 from heave_env.provenance import provenance
 from heave_env.scenarios import Scenario, to_mapping
 from heave_env.sea import read_motion
@@ -58,6 +59,7 @@ def with_motion(scenario: Scenario, path: str | Path, duration: float | None = N
         sea_state=sea,
         vessel=None,
         vessel_table=None,
+        pay_out=scenario.pay_out if recording.payout is None else PayOut(),
         start="hanging",
         duration=round(n_steps * scenario.control_dt, 9),
     )

@@ -59,21 +59,16 @@ class _Notices(event.Listener):
 
     def __init__(self) -> None:
         self.names: dict[int, str] = {}
-        self._said: set[tuple[str, Any]] = set()
+        self._said: set[str] = set()
 
     def on_start(self, event: Any) -> None:
         name = self.names.get(id(event.data["dispatcher"]))
         # Workers of a vector environment would each say it.
         if name is None or multiprocessing.parent_process() is not None:
             return
-        precision = getattr(event.data["args"][0], "dtype", "any number")
-        if (name, precision) not in self._said:
-            self._said.add((name, precision))
-            print(
-                f"heave_env: compiling {name} in {precision}, this once; it is kept on disk",
-                file=sys.stderr,
-                flush=True,
-            )
+        if name not in self._said:
+            self._said.add(name)
+            print(f"heave_env: compiling {name}, this once; it is kept on disk", file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
         pass
@@ -84,8 +79,8 @@ event.register("numba:compile", _notices)
 
 
 def announce_compilation(functions: Iterable[Any], name: str) -> None:
-    """Lets a line on stderr say when one of the compiled functions has to be compiled: once for all of them
-    together in each precision, of their first argument, and only if no cache has it.
+    """Lets a line on stderr say when one of the compiled functions has to be compiled: once for all of the same
+    name together, and only if no cache has it.
 
     Args:
         functions: Functions compiled by numba, kept as long as the process lives.

@@ -45,9 +45,7 @@ def chosen_scenario(
     chosen = scenarios.load(scenario)
     if information_set is not None:
         chosen = scenarios.with_value(chosen, "information_set", information_set)
-    for path, value in (overrides or {}).items():
-        chosen = scenarios.with_value(chosen, path, value)
-    return chosen
+    return scenarios.with_values(chosen, overrides) if overrides else chosen
 
 
 def observation_space(scenario: Scenario) -> gym.spaces.Box:
@@ -609,7 +607,8 @@ class HeaveEnv(gym.Env):
         if self._traces is not None:
             self._traces.record()
             self._show_human()
-        return self._observation.copy(), plant.reward.item(), terminated, truncated, self._infos(fate)
+        info = self._infos(fate) if self._info else {}
+        return self._observation.copy(), plant.reward.item(), terminated, truncated, info
 
     def render(self) -> Any:
         """A frame (uint8, (480, 640, 3)), a string for "ansi", or None for "human"."""

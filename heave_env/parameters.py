@@ -129,6 +129,11 @@ class SeaState:
         require_integer(self, "n_components", minimum=1)
         if self.kind == "recorded":
             require(bool(self.recording), self, "recording", "the path of a motion file (kind is recorded)")
+        elif self.recording is not None and self.kind != "calm":
+            raise ValueError(
+                f"SeaState.recording {self.recording!r} contradicts SeaState.kind {self.kind!r}, which "
+                "reads no file; set recording to null or kind to recorded"
+            )
         measured = self.spectrum == "measured"
         if self.kind in ("shaping_filter", "random_phase", "regular") and not measured:
             require_number(self, "significant_wave_height", positive=True)
@@ -326,6 +331,26 @@ class Winch:
             require_number(self, share, non_negative=True)
             require(getattr(self, share) <= 1.0, self, share, "a share, at most 1")
         require_number(self, "efficiency", positive=True)
+        self._check_contradictions()
+
+    def _check_contradictions(self) -> None:
+        reach = f"Winch.command_range {self.command_range:g}"
+        if self.dead_band >= self.command_range:
+            raise ValueError(
+                f"Winch.dead_band {self.dead_band:g} contradicts {reach}: the drive would hardly ever move; "
+                "lower dead_band below command_range"
+            )
+        if self.command_step > 2.0 * self.command_range:
+            raise ValueError(
+                f"Winch.command_step {self.command_step:g} contradicts {reach}: every command would be "
+                "rounded to zero; lower command_step to twice command_range or less"
+            )
+        own = type(self).__dataclass_fields__["damping_ratio"].default
+        if self.natural_omega is None and self.damping_ratio != own:
+            raise ValueError(
+                f"Winch.damping_ratio {self.damping_ratio:g} contradicts Winch.natural_omega, which is "
+                f"null: a first-order winch has no damping ratio; leave damping_ratio at {own}"
+            )
 
     @property
     def is_second_order(self) -> bool:

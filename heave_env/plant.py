@@ -20,7 +20,9 @@ from heave_env import layout as rows
 from heave_env.cable.axial import fill_parameters, fill_work, n_cable_rows, n_work_rows
 from heave_env.compiled import announce_compilation, entry_point
 from heave_env.lanes import aligned_zeros
+from heave_env.marching import LOOPS
 from heave_env.parameters import LinearPayload, Winch
+from heave_env.rollouts import rollout
 from heave_env.scenarios import Scenario
 from heave_env.sea import read_motion, square_root
 from heave_env.sensors import COMPENSATOR_CHANNELS, HIGH_PASS_DAMPING, Sensor
@@ -483,6 +485,24 @@ class Plant:
                 done.result()
         self._position += 1
 
+    def advance_many(self, asked: tuple[Any, ...], n_steps: int) -> None:
+        """Advances every row by `n_steps` control steps in one call of `marching`'s loop.
+
+        Args:
+            asked: What the loop takes behind what the plant gives.
+            n_steps: Control steps, the first of what is asked.
+        """
+        filled = (self._state, self.observation, self._actions, self.reward, self.outcome)
+        loop = LOOPS[self.dtype, self.n_lanes]
+        if self._pool is None:
+            loop(*filled, self._shares[0], self._position, *asked)
+        else:
+            given = [(*filled, share, self._position, *asked) for share in self._shares]
+            work = [self._pool.submit(loop, *arguments) for arguments in given]
+            for done in work:
+                done.result()
+        self._position += n_steps
+
     def steps(self) -> Array:
         """Control steps that each row has made in its episode, (n_envs,)."""
         return self._counters[:, k.STEP, :].ravel()[: self.n_envs].astype(np.int64)
@@ -505,6 +525,19 @@ class Plant:
         """A copy of one physical channel, (n_envs,)."""
         row = rows.CHANNEL_NAMES.index(name)
         return self._state[:, row, :].ravel()[: self.n_envs].astype(np.float64)
+
+    def truth(self) -> Array:
+        """What no sensor shows, scaled to order one, for critics: (n_envs, n) float32, see `truth_names`."""
+        scenario, state = self.scenario, self._state
+        columns = []
+        for name in truth_names(scenario):
+            if name in rows.CHANNEL_NAMES:
+                scale, offset = scenario.channel_scale(name)
+                columns.append((state[:, rows.CHANNEL_NAMES.index(name)].ravel() - offset) / scale)
+        places = [int(self._cfg[k.ROW_FILTER]) + i for i in range(scenario.n_filter_states)]
+        places += [int(self._cfg[k.ROW_DRAWS]) + i for i in range(len(scenario.uncertainty))]
+        columns += [state[:, place].ravel() for place in places]
+        return np.stack(columns, axis=1)[: self.n_envs].astype(np.float32)
 
     def element_tensions(self, row: int) -> Array | None:
         """Tension of each element of one row's cable, sheave to payload [N]; None without a cable.
@@ -582,13 +615,7 @@ def simulate(
     if commands is not None:
         commands = np.asarray(commands, dtype=float)
         actions[:] = (commands if commands.ndim == 2 else commands[:, None]) / scenario.winch.command_range
-    record = np.empty((n_steps + 1, n_envs, rows.N_CHANNELS))
-    record[0] = plant.channels
-    for step in range(n_steps):
-        plant.advance(actions[step])
-        record[step + 1] = plant.channels
-    names = channel_names(scenario)
-    result = {name: record[:, :, rows.CHANNEL_NAMES.index(name)].copy() for name in names}
+    result = dict(rollout(plant, actions, channels=channel_names(scenario)).channels)
     result["time"] = scenario.control_dt * np.arange(n_steps + 1, dtype=np.float64)
     return result
 
@@ -603,6 +630,16 @@ _CABLE_CHANNELS = (
     "winch_power",
     "supply_power",
 )
+
+
+def truth_names(scenario: Scenario) -> list[str]:
+    """Entries of `Plant.truth`: motion of payload, boom tip, winch; tension; the sea's states; the draws."""
+    names = ["payload_heave", "payload_heave_rate", "boom_tip_heave", "boom_tip_heave_rate"]
+    names += ["winch_displacement", "winch_rate"]
+    if not scenario.is_linear:
+        names.append("sheave_tension")
+    names += [f"filter_state_{i}" for i in range(scenario.n_filter_states)]
+    return names + [draw.parameter for draw in scenario.uncertainty]
 
 
 def channel_names(scenario: Scenario) -> list[str]:

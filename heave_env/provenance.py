@@ -22,6 +22,7 @@ PACKAGES = (
     "control",
     "stable-baselines3",
     "torch",
+    "warp-lang",
     "matplotlib",
 )
 """Distributions whose versions can alter a result or a figure."""

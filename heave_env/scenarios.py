@@ -24,6 +24,8 @@ import numpy as np
 
 from heave_env import document
 from heave_env.parameters import (
+    GRAVITY,
+    SEAWATER_DENSITY,
     Cable,
     Compensator,
     Draw,
@@ -49,6 +51,10 @@ from heave_env.sensors import (
     INFORMATION_SETS,
     SENSOR_ERRORS,
     Sensor,
+    acoustic_depth,
+    load_cell,
+    motion_reference_unit,
+    winch_encoder,
 )
 from heave_env.spectra import modal_omega
 from heave_env.task import Task
@@ -203,9 +209,10 @@ class Scenario:
                 "compensator",
                 "null with a linear_payload, which has no tension",
             )
-            for limit in ("power_limit", "torque_limit"):
-                without = "null with a linear_payload, which has no tension"
-                require(getattr(self.winch, limit) is None, self.winch, limit, without)
+            for key in ("power_limit", "torque_limit", "efficiency", "regeneration"):
+                own = Winch.__dataclass_fields__[key].default
+                without = f"{'null' if own is None else own} with a linear_payload, which has no tension"
+                require(getattr(self.winch, key) == own, self.winch, key, without)
         else:
             require(self.payload is not None, self, "payload", "given with a cable")
             require_number(self.payload, "submerged_weight", positive=True)
@@ -228,7 +235,51 @@ class Scenario:
                 "n_elements",
                 "1 for a massless cable (a spring)",
             )
+            self._check_tensions()
+            self._check_landing()
         self._check_vessel()
+
+    def _check_tensions(self) -> None:
+        assert self.cable is not None
+        hanging, strength = self.static_tension, self.cable.breaking_strength
+        if strength is not None and strength <= hanging:
+            raise ValueError(
+                f"Cable.breaking_strength {strength:g} N contradicts Payload.submerged_weight and length, "
+                f"whose still load is {hanging:g} N; give a stronger cable or a lighter payload"
+            )
+        allowed = self.task.tension_limit
+        if allowed is not None and allowed <= hanging:
+            raise ValueError(
+                f"Task.tension_limit {allowed:g} N contradicts Payload.submerged_weight and length, whose "
+                f"still load is {hanging:g} N; raise the limit above it"
+            )
+        rod = self.compensator
+        if rod is not None and rod.force is not None:
+            half = 0.5 * rod.stroke / rod.gas_length
+            least, most = (rod.force * (1.0 + end) ** -rod.polytropic_exponent for end in (half, -half))
+            if not least < hanging < most:
+                raise ValueError(
+                    f"Compensator.force {rod.force:g} N contradicts Payload.submerged_weight and length: "
+                    f"under the still load of {hanging:g} N the rod lies on its stop, for its stroke spans "
+                    f"{least:g} to {most:g} N; leave force at null"
+                )
+
+    def _check_landing(self) -> None:
+        bed = self.task.landing_depth
+        if bed is None:
+            return
+        if bed <= self.initial_length:
+            raise ValueError(
+                f"Task.landing_depth {bed:g} m contradicts length {self.initial_length:g} m: the payload "
+                "would begin below the bed; shorten the cable"
+            )
+        deepest = self.initial_length + max(0.0, math.copysign(self.pay_out.distance, self.pay_out.speed))
+        reached = deepest + self.static_stretch(deepest) + self.winch_reach
+        if self.sea_state.kind != "recorded" and reached < bed:
+            raise ValueError(
+                f"Task.landing_depth {bed:g} m contradicts pay_out.distance and length, which bring the "
+                f"payload no deeper than {reached:g} m; pay out more"
+            )
 
     def _check_vessel(self) -> None:
         sea = self.sea_state
@@ -238,6 +289,11 @@ class Scenario:
                     f"Scenario.{part} must be null when sea_state.kind is recorded: the recording moves the "
                     "boom tip itself"
                 )
+        if sea.kind == "recorded" and self.pay_out.speed != 0.0:
+            raise ValueError(
+                f"Scenario.pay_out at {self.pay_out.speed:g} m/s contradicts sea_state.kind recorded: what "
+                "is paid out is the recording's column payout; set pay_out.speed and pay_out.distance to 0"
+            )
         if self.vessel_table is None:
             return
         if self.vessel is not None:
@@ -272,6 +328,12 @@ class Scenario:
                     f"Sensor.interval must be a whole number of control steps of {self.control_dt:g} s, "
                     f"got {sensor.interval!r}"
                 )
+            corner = sensor.high_pass_omega
+            if corner is not None and corner * self.control_dt >= math.pi:
+                raise ValueError(
+                    f"Sensor.high_pass_omega {corner:g} rad/s contradicts control_dt {self.control_dt:g} s, "
+                    f"which shows nothing above {math.pi / self.control_dt:g} rad/s; lower it"
+                )
             if self.compensator is None and sensor.channel in COMPENSATOR_CHANNELS:
                 raise ValueError(
                     f"Sensor.channel {sensor.channel!r} contradicts compensator, which is null: give one, or "
@@ -303,10 +365,15 @@ class Scenario:
                     f"Scenario.uncertainty cannot draw {path!r}; it may draw numbers of "
                     f"{', '.join(DRAWN_PARTS)}, but no {', no '.join(NOT_DRAWN)}"
                 )
-            if self.sea_state.kind == "recorded" and part in ("sea_state", "vessel"):
+            if self.sea_state.kind in ("recorded", "calm") and part in ("sea_state", "vessel"):
+                fixed = "recording" if self.sea_state.kind == "recorded" else "calm"
                 raise ValueError(
-                    f"Scenario.uncertainty cannot draw {path!r}, since sea_state.kind is recorded: the "
-                    "recording is what it is"
+                    f"Scenario.uncertainty cannot draw {path!r}, since sea_state.kind is "
+                    f"{self.sea_state.kind}: the {fixed} is what it is"
+                )
+            if path.rsplit(".", 1)[-1] in _ACROSS.get(part, ()):
+                raise ValueError(
+                    f"Scenario.uncertainty cannot draw {path!r}, which motion along the cable does not feel"
                 )
             if part == "compensator" and self.compensator is None:
                 raise ValueError(f"Scenario.uncertainty cannot draw {path!r}, since compensator is null")
@@ -350,9 +417,7 @@ class Scenario:
         if not self.nominal:
             return self
         plain = dataclasses.replace(self, nominal=())
-        return cast(
-            Scenario, document.with_values(plain, {item.parameter: item.value for item in self.nominal})
-        )
+        return with_values(plain, {item.parameter: item.value for item in self.nominal})
 
     def with_drawn(self, values: dict[str, float]) -> Scenario:
         """The scenario of one episode: the given numbers in place of its own, and none uncertain.
@@ -684,6 +749,15 @@ def with_value(scenario: Scenario, path: str, value: Any) -> Scenario:
     return cast(Scenario, document.with_value(scenario, path, value))
 
 
+def with_values(scenario: Scenario, values: dict[str, Any]) -> Scenario:
+    """A copy with the values at several dotted paths replaced at once: only the whole must make sense.
+
+    Raises:
+        ValueError: If a path leads nowhere or a value is impossible.
+    """
+    return cast(Scenario, document.with_values(scenario, values))
+
+
 def to_yaml(scenario: Scenario) -> str:
     """The scenario as YAML, each key explained by a comment; `read` takes it back unchanged."""
     units = "Units are SI; heave is positive up, pay-out outwards."
@@ -814,7 +888,7 @@ def varied(scenario: Scenario, variant: str) -> Scenario:
     )
     changes = change(scenario)
     try:
-        plant = cast(Scenario, document.with_values(bare, changes))
+        plant = with_values(bare, changes)
     except ValueError as error:
         raise NoSuchVariantError(f"scenario {scenario.name!r} has no variant {variant!r}: {error}") from error
     return on_plant_of(basis, plant)
@@ -1207,4 +1281,178 @@ def landing() -> Scenario:
             Sensor(channel="sheave_tension", noise_std=500.0),
         ),
         task=Task(position_weight=1e4, command_weight=1.0, tension_limit=0.4 * 904e3, landing_depth=300.0),
+    )
+
+
+def _taut_only(parts: dict[str, Any]) -> dict[str, Any]:
+    """The thesis's cable as one that goes slack instead of carrying compression; damping as in `lowering`."""
+    cable = parts["cable"]
+    return {
+        **parts,
+        "cable": dataclasses.replace(cable, tension_only=True, axial_damping=0.005 * cable.axial_stiffness),
+        "n_iterations": 6,
+    }
+
+
+def _survey_sensors_in_a_rough_sea() -> tuple[Sensor, ...]:
+    # The noise of `limits_linear`, and the drum's encoder.
+    return (
+        *_payload_sensors(noise_std=0.01),
+        Sensor(channel="boom_tip_heave", noise_std=0.03),
+        Sensor(channel="boom_tip_heave_rate", noise_std=0.03),
+        Sensor(channel="winch_displacement", noise_std=0.001),
+    )
+
+
+@scenario("cable", "limits", "delay")
+def limits_cable() -> Scenario:
+    """The thesis's 900 m cable, which may go slack, in a rough sea (Hs 5 m) on the weak winch of
+    `limits_linear`: it gives 0.265 m/s and 0.25 m/s2, 0.2 s late.
+    """
+    rough = limits_linear()
+    return Scenario(
+        name="unnamed",
+        start="compensated",
+        # A metre less than there: what the limits leave moves the unit on this cable several times as far.
+        sea_state=dataclasses.replace(rough.sea_state, significant_wave_height=5.0),
+        vessel=_thesis_vessel(),
+        winch=rough.winch,
+        sensors=_survey_sensors_in_a_rough_sea(),
+        task=Task(position_weight=100.0, command_weight=0.1),
+        **_taut_only(_thesis_cable_and_payload()),
+    )
+
+
+def _unknown_cable(sea: SeaState) -> tuple[Draw, ...]:
+    """What nobody knows for sure: length and payload (30 % of a), drag, winch, delay, sea and vessel."""
+    parts, vessel = _thesis_cable_and_payload(), _thesis_vessel()
+    return (
+        _spread("length", parts["length"], 0.15),
+        _spread("payload.mass", parts["payload"].mass, 0.15),
+        _spread("payload.drag_area", parts["payload"].drag_area, 0.5),
+        Draw(parameter="winch.time_constant", low=1.0 / 1.5, high=2.0, distribution="log_uniform"),
+        Draw(parameter="winch.command_delay", low=0.0, high=0.4),
+        _spread("sea_state.significant_wave_height", sea.significant_wave_height, 0.3),
+        _spread("sea_state.peak_omega", sea.peak_omega, 0.3),
+        _spread("vessel.natural_omega", vessel.natural_omega, 0.25),
+        Draw(parameter="vessel.damping_ratio", low=0.4, high=0.8),
+    )
+
+
+@scenario("cable", "delay", "unknown")
+def unknown_cable() -> Scenario:
+    """The thesis's 900 m cable in its sea state 5, where nobody knows for sure the length, the payload, its
+    drag, the winch, the delay, the sea or the vessel: each episode draws them.
+    """
+    return Scenario(
+        name="unnamed",
+        start="compensated",
+        sea_state=_thesis_sea(),
+        vessel=_thesis_vessel(),
+        winch=Winch(time_constant=1.0, command_range=4.0, command_delay=0.2),
+        sensors=_survey_sensors(),
+        task=Task(position_weight=1e4, command_weight=1.0),
+        uncertainty=_unknown_cable(_thesis_sea()),
+        **_taut_only(_thesis_cable_and_payload()),
+    )
+
+
+@scenario("cable", "limits", "delay", "unknown")
+def limits_unknown_cable() -> Scenario:
+    """The rough sea and the weak winch of `limits_cable`, with everything unknown that is in
+    `unknown_cable`.
+    """
+    known = limits_cable()
+    return dataclasses.replace(known, uncertainty=_unknown_cable(known.sea_state))
+
+
+@scenario("cable", "energy", "delay")
+def energy_cable() -> Scenario:
+    """The thesis's 900 m cable in its sea state 5, where the winch's work has a price, whatever its sign, as
+    in `energy_linear`. With 0.2 s of delay and noisy sensors.
+    """
+    priced = energy_linear()
+    return dataclasses.replace(
+        sea_state_5(),
+        sensors=(
+            *_payload_sensors(noise_std=0.01),
+            Sensor(channel="boom_tip_heave", noise_std=0.02),
+            Sensor(channel="boom_tip_heave_rate", noise_std=0.02),
+            Sensor(channel="winch_displacement", noise_std=0.001),
+        ),
+        task=priced.task,
+    )
+
+
+@scenario("cable", "pay_out", "resonance", "slack", "delay")
+def recovery() -> Scenario:
+    """The thesis's unit of 3.3.5 hauled up from 1350 m at 1 m/s while the winch compensates: after 200 s, at
+    1180 m, its natural frequency rises through the peak of the boom tip's motion. Sea and vessel are ours.
+    """
+    return dataclasses.replace(
+        lowering(),
+        sea_state=SeaState(
+            significant_wave_height=2.0, peak_omega=2.0 * math.pi / 6.5, filter="fitted", filter_order=8
+        ),
+        # A small vessel that follows all but the shortest of these waves.
+        vessel=Vessel(natural_omega=1.0, damping_ratio=0.5, gain=0.6),
+        winch=Winch(time_constant=0.5, command_range=3.0, command_delay=0.2),
+        length=1350.0,
+        # Longer than an episode: the drag's steady pull lasts to its end.
+        pay_out=PayOut(speed=-1.0, start=30.0, distance=500.0, ramp=10.0),
+    )
+
+
+@scenario("cable", "umbilical", "delay", "slack")
+def rov_umbilical() -> Scenario:
+    """A vehicle's garage held still at 300 m by its umbilical (section, mass, drag and unit of H 5.7) under a
+    construction vessel, seen by a motion reference unit, acoustics, encoder and load cell.
+    """
+    stiffness = 9e9 * circular_section(0.047)
+    return Scenario(
+        name="unnamed",
+        start="compensated",
+        n_iterations=6,
+        sea_state=SeaState(
+            significant_wave_height=2.5,
+            peak_omega=2.0 * math.pi / 8.0,
+            spectrum="jonswap",
+            filter="fitted",
+            filter_order=8,
+        ),
+        # Waves 30° off the bow; A-frame over the side, a quarter of the length abaft.
+        vessel_table=VesselTable(heading=math.radians(150.0), boom_tip_x=-25.0, boom_tip_y=12.0),
+        winch=Winch(
+            time_constant=0.3,
+            command_range=4.0,
+            command_delay=0.2,
+            speed_limit=2.0,
+            acceleration_limit=2.0,
+        ),
+        length=300.0,
+        cable=Cable(
+            mass_per_length=5.4,
+            axial_stiffness=stiffness,
+            # Of the printed mass and section; the weight itself is not printed.
+            submerged_weight=(5.4 - SEAWATER_DENSITY * circular_section(0.047)) * GRAVITY,
+            diameter=0.047,
+            normal_drag_coefficient=1.2,
+            tangential_drag_coefficient=0.01,
+            axial_damping=0.005 * stiffness,
+            tension_only=True,
+        ),
+        payload=Payload(
+            mass=3000.0,
+            added_mass=3000.0,
+            # 0.354 m3 displaced; C_d 1.5 on 0.5 m2.
+            submerged_weight=(3000.0 - SEAWATER_DENSITY * 0.354) * GRAVITY,
+            drag_area=1.5 * 0.5,
+        ),
+        sensors=(
+            *motion_reference_unit(),
+            acoustic_depth(),
+            winch_encoder(),
+            load_cell(100e3),
+        ),
+        task=Task(position_weight=1e3, command_weight=1.0),
     )

@@ -85,6 +85,11 @@ class Sensor:
         require_number(self, "dropout", non_negative=True)
         require(self.dropout < 1.0, self, "dropout", "a probability below 1")
         require_number(self, "high_pass_omega", positive=True, optional=True)
+        if self.high_pass_omega is not None and self.channel in ("sheave_tension", "length"):
+            raise ValueError(
+                f"Sensor.high_pass_omega contradicts Sensor.channel {self.channel!r}, whose mean it would "
+                "take away; leave high_pass_omega at null"
+            )
 
     @property
     def is_plain(self) -> bool:

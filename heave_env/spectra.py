@@ -200,6 +200,9 @@ def _enhanced_share(gamma: float, power: int) -> float:
 # Measured spectra --------------------------------------------------------------------------------
 
 
+_HIGHEST_SEA = 40.0  # significant height beyond which a file holds something else [m]
+
+
 @dataclass(frozen=True, eq=False)
 class MeasuredSpectrum:
     """A measured spectrum, linear between its samples and zero beyond them."""
@@ -264,13 +267,13 @@ def _through_wavespectra(path: Path, reader: str, record: int) -> MeasuredSpectr
             f"SeaState.spectrum_reader {reader!r} is no reader of wavespectra; known: {', '.join(known)}"
         )
     try:
-        density = read(str(path))["efth"]
+        density = read(str(path))["efth"].astype(float)
+        if "dir" in density.dims:
+            density = density.spec.oned()
+        others = [name for name in density.dims if name != "freq"]
+        flat = np.asarray(density.transpose(*others, "freq").values)
     except Exception as error:  # whatever its many readers raise
         raise ValueError(f"wavespectra's reader {reader!r} cannot read {str(path)!r}: {error}") from error
-    if "dir" in density.dims:
-        density = density.spec.oned()
-    others = [name for name in density.dims if name != "freq"]
-    flat = np.asarray(density.transpose(*others, "freq").values, dtype=float)
     flat = flat.reshape(-1, flat.shape[-1])
     if not 0 <= record < len(flat):
         raise ValueError(
@@ -286,6 +289,12 @@ def _checked(spectrum: MeasuredSpectrum) -> MeasuredSpectrum:
         raise ValueError(
             f"spectrum file {spectrum.path!r} must hold finite densities, not negative and not all zero, at "
             "increasing frequencies"
+        )
+    height = 4.0 * math.sqrt(spectrum.variance)
+    if height > _HIGHEST_SEA:
+        raise ValueError(
+            f"spectrum file {spectrum.path!r} holds a sea of {height:.3g} m: take a record that is not "
+            "marked as missing (buoys write 999), and density in m² s of omega in rad/s"
         )
     return spectrum
 

@@ -31,7 +31,7 @@ LAYERS = (  # inside heave_env, from the bottom; a module imports none above its
     ("sensors", "task", "variants"),
     ("scenarios", "controller"),
     ("kernel",),
-    ("rollouts",),
+    ("marching", "rollouts"),
     ("plant",),
     ("render",),
     ("env",),

@@ -38,6 +38,7 @@ import numpy as np
 from numba import njit
 
 from heave_env.cable.constitutive import (
+    branch_after,
     rope_energy_coefficients,
     rope_tension,
     static_strain,
@@ -177,23 +178,17 @@ def _constitutive_pass(S, W, nodes, work, n_elements, dt, tension_only, hookean,
 
 @seldom
 def _relax(S, W, nodes, work, n_elements, tension_only):
-    """Moves what the Maxwell branches hold on to the end of the step, before the nodes move.
-
-    A branch that cannot push lets go of what would be compression.
-    """
+    """Moves what the Maxwell branches hold on to the end of the step, before the nodes move."""
     align_stack()
-    zero, half, two = constant(S, 0.0), constant(S, 0.5), constant(S, 2.0)
-    branches = nodes + N_NODE_FIELDS * (n_elements + 1)
+    zero, share, branches = constant(S, 0.0), W[RELAXING_SHARE], nodes + N_NODE_FIELDS * (n_elements + 1)
+    EA, quadratic, cubic, EA1 = S[CABLE_STIFFNESS], S[CABLE_QUADRATIC], S[CABLE_CUBIC], S[RELAXING_STIFFNESS]
     for j in range(n_elements):
         old, new, _ = _strains(S, W, nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j, False)
-        if tension_only:
-            old, new = maximum(old, zero), maximum(new, zero)
-        before = S[branches + j]
-        middle = W[RELAXING_SHARE] * (before + half * (new - old))
-        if tension_only:
-            middle = maximum(middle, zero)
-        after = two * middle - before
-        S[branches + j] = maximum(after, zero) if tension_only else after
+        held = S[branches + j]
+        _, _, middle = rope_tension(
+            old, new, held, EA, quadratic, cubic, EA1, share, zero, zero, tension_only
+        )
+        S[branches + j] = branch_after(old, new, held, middle, EA, quadratic, cubic, EA1, share, tension_only)
 
 
 @stage

@@ -13,7 +13,7 @@ from typing import NamedTuple
 import numpy as np
 from numba import njit
 
-from heave_env.cable.constitutive import mean_tension, relaxed_tension, rope_tension
+from heave_env.cable.constitutive import branch_after, mean_tension, relaxed_tension, rope_tension
 from heave_env.compiled import source_fingerprint, stage
 from heave_env.hydrodynamics import between_knots, line_drag, line_drag_slopes, quadratic_drag
 
@@ -243,7 +243,7 @@ def _pull(j, old, new, chain, branch_strain, work, dt, static):
     share = 1.0 / (1.0 + 0.5 * dt * law[RELAXATION_RATE])
     held, EA1 = (0.0, 0.0) if static else (branch_strain[j], law[RELAXING_STIFFNESS])
     tension, slope, work.branch_middle[j] = rope_tension(
-        old, new, held, EA, law[QUADRATIC], law[CUBIC], EA1, share, CA, per_dt, slack, 0.0, 0.5, 1.0
+        old, new, held, EA, law[QUADRATIC], law[CUBIC], EA1, share, CA, per_dt, slack
     )
     return tension, slope
 
@@ -581,8 +581,19 @@ def _advance(n, first, last, motion, chain, work, dt, limit):
         strains = math.sqrt(old) / length[j] - 1.0, math.sqrt(new) / work.l_new[j] - 1.0
         work.tension[j], _ = _pull(j, strains[0], strains[1], chain, branch_strain, work, dt, False)
         if not chain.hookean:
-            after = 2.0 * work.branch_middle[j] - branch_strain[j]
-            branch_strain[j] = max(after, 0.0) if chain.law[j, TENSION_ONLY] > 0.0 else after
+            law = chain.law[j]
+            branch_strain[j] = branch_after(
+                strains[0],
+                strains[1],
+                branch_strain[j],
+                work.branch_middle[j],
+                law[STIFFNESS],
+                law[QUADRATIC],
+                law[CUBIC],
+                law[RELAXING_STIFFNESS],
+                1.0 / (1.0 + 0.5 * dt * law[RELAXATION_RATE]),
+                law[TENSION_ONLY] > 0.0,
+            )
     for i in range(first, last + 1):
         for k in range(3):
             acceleration[i, k] = 2.0 / dt * (u[i, k] / dt - v[i, k])

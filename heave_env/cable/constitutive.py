@@ -13,8 +13,9 @@ a being the strain of a Maxwell branch's spring. It stores EA (e²/2 + k2 e³/3 
 part being a polynomial, its change over the change of strain is one too, without cancellation: with x the
 strain before and y after, EA ((x + y)/2 + k2 (x² + xy + y²)/3 + k3 (x + y)(x² + y²)/4). The branch is stepped
 by the midpoint rule, whose loss over a step is EA1 a²/τ at mid-step and never negative. In a tension-only
-rope each of the three acts on the taut part of the strain and none pushes: what the branch would hold in
-compression it lets go.
+rope each of the three acts on the taut part of the strain, and spring and branch together never push: what
+the branch would push beyond the spring's pull it lets go of, which is a loss too. So a rope about a mean
+tension answers both ways, and one that has crept is slack before it is back at its old length.
 
 Source: Huang (1992), (3.1) and 3.4 (T = T(e, De/Dt)), with Kelvin damping; discrete gradient after Gonzalez
 (1996); standard linear solid after Zener (1948).
@@ -25,7 +26,7 @@ from __future__ import annotations
 import numpy as np
 
 from heave_env.compiled import stage
-from heave_env.lanes import constant, maximum, where
+from heave_env.lanes import absolute, constant, maximum, minimum, where
 from heave_env.parameters import Cable
 
 Array = np.ndarray
@@ -91,17 +92,19 @@ def rope_tension(old, new, held, EA, quadratic, cubic, EA1, share, CA, per_dt, t
     change = where(crosses, new - old, one)
     part = where(crosses, (y - x) / change, one)
     pulls = where(is_taut, one, zero)
+    turns = where(crosses, (pulls - part) / change, zero)
+    taut = where(crosses, part, pulls)
     mean = half * (x + y) + quadratic * (x * x + x * y + y * y) + cubic * (x + y) * (x * x + y * y)
     by_new = half + quadratic * (x + y + y) + cubic * (x * x + y * y + (x + y) * (y + y))
-    slope = by_new * pulls * part + where(crosses, mean * (pulls - part) / change, zero)
+    slope = by_new * pulls * part + mean * turns
     middle = share * (held + half * (y - x))
-    holds = zero == zero
+    tension = EA * mean * part + CA * per_dt * (y - x) + EA1 * middle * taut
+    stiffness = EA * slope + pulls * (CA * per_dt + half * EA1 * share * taut) + EA1 * middle * turns
     if tension_only:
-        holds = middle > zero
-    middle = where(holds, middle, zero)
-    tension = EA * mean * part + CA * per_dt * (y - x) + EA1 * middle
-    stiffness = EA * slope + pulls * (CA * per_dt + where(holds, half * EA1 * share, zero))
-    if tension_only:
+        lets_go = EA * mean + EA1 * middle < zero
+        middle = where(lets_go, -EA * mean / EA1, middle)
+        tension = where(lets_go, CA * per_dt * (y - x), tension)
+        stiffness = where(lets_go, pulls * CA * per_dt, stiffness)
         stiffness = where(tension > zero, stiffness, zero)
         tension = maximum(tension, zero)
     return tension, stiffness, middle
@@ -118,6 +121,24 @@ def relaxed_tension(strain, EA, quadratic, cubic):
     k2, k3 = 3.0 * quadratic, 4.0 * cubic
     tension = EA * strain * (1.0 + strain * (k2 + strain * k3))
     return tension, EA * (1.0 + strain * (2.0 * k2 + 3.0 * strain * k3))
+
+
+@stage
+def branch_after(old, new, held, middle, EA, quadratic, cubic, EA1, share, tension_only):
+    """Strain of the Maxwell branch after a step from strain `old` to `new`, from that before and at mid-step.
+
+    Of a tension-only rope it pushes no more than the spring pulls; where it let go at mid-step, it pushes
+    just so much. Either way its energy is at most what the midpoint rule would leave. Plain numbers or lanes.
+    """
+    after = middle + (middle - held)
+    if tension_only:
+        zero, one, half = constant(old, 0.0), constant(old, 1.0), constant(old, 0.5)
+        x, y = maximum(old, zero), maximum(new, zero)
+        spring = EA * y * (one + y * (constant(old, 3.0) * quadratic + y * constant(old, 4.0) * cubic))
+        bears = where(zero < EA1, spring / EA1, zero)
+        lets_go = middle > share * (held + half * (y - x))
+        after = where(lets_go, -minimum(bears, absolute(after)), maximum(after, -bears))
+    return after
 
 
 @stage

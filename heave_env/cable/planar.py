@@ -46,6 +46,7 @@ from numba import njit
 
 from heave_env.cable.axial import hanging_elongation
 from heave_env.cable.constitutive import (
+    branch_after,
     mean_tension,
     relaxed_tension,
     rope_energy_coefficients,
@@ -127,6 +128,7 @@ class _Equations(NamedTuple):
 
     force: Array
     slope: Array
+    strain: Array  # before and after the step
     branch_middle: Array
     lower: Array
     diagonal: Array
@@ -199,6 +201,7 @@ def _pull_elements(numbers, step, increment, equations, tension):
                     old, new, numbers.EA, numbers.CA, 1.0 / step.dt, numbers.tension_only
                 )
             else:
+                equations.strain[j, 0], equations.strain[j, 1] = old, new
                 T, by_new, equations.branch_middle[j] = rope_tension(
                     old,
                     new,
@@ -211,9 +214,6 @@ def _pull_elements(numbers, step, increment, equations, tension):
                     numbers.CA,
                     1.0 / step.dt,
                     numbers.tension_only,
-                    0.0,
-                    0.5,
-                    1.0,
                 )
             ex, ez = (ox + nx) / both, (oz + nz) / both
             along, across = 2.0 * by_new / spacing, 2.0 * T / both
@@ -233,7 +233,7 @@ def _assemble(numbers, step, increment, equations):
     missing to balance [N].
     """
     position, velocity, current = step.position, step.velocity, step.current
-    force, slope, _, lower, diagonal, upper, load = equations
+    force, slope, _, _, lower, diagonal, upper, load = equations
     n = len(force)
     still, dt, old_length, new_length = step.still, step.dt, step.old_length, step.new_length
     middle = 0.5 * (old_length + new_length)
@@ -349,6 +349,7 @@ def _newton(numbers, step, increment, tension):
     equations = _Equations(
         force=np.empty((n, 2)),
         slope=np.empty((n, 2, 2)),
+        strain=np.empty((n, 2)),
         branch_middle=np.empty(n),
         lower=np.empty((n, 2, 2)),
         diagonal=np.empty((n, 2, 2)),
@@ -371,8 +372,18 @@ def _newton(numbers, step, increment, tension):
             _pull_elements(numbers, step, increment, equations, tension)
             if not (numbers.hookean or step.still):
                 for j in range(n):
-                    after = 2.0 * equations.branch_middle[j] - step.branch_strain[j]
-                    step.branch_strain[j] = max(after, 0.0) if numbers.tension_only else after
+                    step.branch_strain[j] = branch_after(
+                        equations.strain[j, 0],
+                        equations.strain[j, 1],
+                        step.branch_strain[j],
+                        equations.branch_middle[j],
+                        numbers.EA,
+                        numbers.quadratic,
+                        numbers.cubic,
+                        numbers.relaxing_stiffness,
+                        1.0 / (1.0 + 0.5 * step.dt * numbers.relaxation_rate),
+                        numbers.tension_only,
+                    )
             return True, missing
     return False, missing
 

@@ -15,7 +15,7 @@ the nodes and reads the tensions off. Nothing is kept in local arrays but the wa
 # Annotations of kernels are types made here, not names: no `from __future__ import annotations`.
 
 import math
-from dataclasses import dataclass
+from dataclasses import astuple, dataclass
 from functools import cache
 from types import SimpleNamespace
 from typing import Any
@@ -99,6 +99,8 @@ from heave_env.layout import (
 from heave_env.sensors import OBSERVATION_BOUND
 from heave_env.streams import INITIAL, SEA, SENSORS
 
+BLOCK = 128
+"""Threads of a block of the GPU [-]."""
 FREE, LIMITED, DRIVEN = 0, 1, 2
 """Winch steps of `heave_env.winch`: free lag, lag within limits, any drive within every limit."""
 
@@ -223,6 +225,12 @@ def kernels(form: Form) -> SimpleNamespace:
     real = getattr(wp, form.dtype)
     kinds = structures(form.dtype, form.sea)
     Buffers, Numbers = kinds.Buffers, kinds.Numbers
+    # One module for both kernels: reading the compiler's headers is a good part of its work.
+    spelled = "_".join(str(value) for value in astuple(form))
+    module = wp.get_module(f"heave_env_{spelled}")
+    # In single precision at most 128 registers a thread, so that a multiprocessor holds 512 rows at once, and
+    # the 132 of an H200 the whole of a batch of 65,536.
+    occupancy = (BLOCK, 4 if form.dtype == "float32" else 2)
     double, whole, word, long_word = wp.float64, wp.int32, wp.uint32, wp.uint64
 
     IS_FILTERED, IS_SUM = form.sea == FILTERED, form.sea == SINUSOIDS
@@ -855,7 +863,7 @@ def kernels(form: Form) -> SimpleNamespace:
 
     # The two faces -------------------------------------------------------------------------------
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module=module, enable_backward=False, launch_bounds=occupancy)
     def advance(b: Buffers, c: Numbers, actions: wp.array(dtype=wp.float32)):
         """Advances a row by one control step; rows that finish leave their last observation behind."""
         e = wp.tid()
@@ -1036,7 +1044,7 @@ def kernels(form: Form) -> SimpleNamespace:
                 for channel in range(N_CHANNELS):
                     b.final_channels[channel, e] = b.channels[channel, e]
 
-    @wp.kernel(module="unique", enable_backward=False)
+    @wp.kernel(module=module, enable_backward=False, launch_bounds=occupancy)
     def begin(b: Buffers, c: Numbers, mask: wp.array(dtype=wp.bool), episodes: int):
         """Begins an episode in a masked row: `episodes` further on (0: the one in its counters)."""
         e = wp.tid()

@@ -193,7 +193,7 @@ class GpuPlant:
             ("samples", int(cfg[k.ROW_SENSORS])),
             ("draws", int(cfg[k.ROW_DRAWS])),
         ]
-        nodes = cfg[cfg[k.AT_NODE_ROWS] :][:n_nodes]
+        nodes = int(cfg[k.ROW_NODES]) + rows.N_NODE_FIELDS * np.arange(n_nodes)
         self._node_rows = (("displacement", nodes + rows.DISPLACEMENT), ("velocity", nodes + rows.VELOCITY))
 
     # Episodes and steps --------------------------------------------------------------------------
@@ -206,7 +206,6 @@ class GpuPlant:
             seeds: New seeds, (n_envs,), of which the masked are taken and their episodes counted from 0;
                 without them the rows go on to the next episode of their seeds.
         """
-        wp = self._warp
         if isinstance(mask, np.ndarray):
             self._mask.assign(mask)
             mask = self._mask
@@ -219,15 +218,20 @@ class GpuPlant:
         episodes = 1 if seeds is None else 0
         if self._varies:
             self._draw(mask.numpy(), episodes)
-        wp.launch(
-            self._kernels.begin, self.n_envs, [self.buffers, self.numbers, mask, episodes], device=self.device
-        )
+        self._launch(self._kernels.begin, mask, episodes)
 
     def advance(self, actions: Any) -> None:
         """Advances every row by one control step under actions in [-1, 1], a float32 array (n_envs,) of the
         device. A number that is none makes its row diverge."""
+        self._launch(self._kernels.advance, actions)
+
+    def _launch(self, kernel: Any, *arguments: Any) -> None:
         self._warp.launch(
-            self._kernels.advance, self.n_envs, [self.buffers, self.numbers, actions], device=self.device
+            kernel,
+            self.n_envs,
+            [self.buffers, self.numbers, *arguments],
+            device=self.device,
+            block_dim=device_kernel.BLOCK,
         )
 
     def begin_finished(self) -> None:
@@ -242,8 +246,8 @@ class GpuPlant:
         if not self.device.is_cuda or self._varies:
             return None
         wp = self._warp
-        for kernel in (self._kernels.advance, self._kernels.begin):
-            wp.load_module(kernel.module, device=self.device)
+        # Both kernels are in one module, which must be there before a graph is recorded.
+        wp.load_module(self._kernels.advance.module, device=self.device, block_dim=device_kernel.BLOCK)
         with wp.ScopedCapture(device=self.device) as capture:
             self.advance(actions)
             self.begin_finished()

@@ -92,6 +92,7 @@ class HeaveTorchVectorEnv(gym.vector.VectorEnv):
         self.observation_space = batch_space(self.single_observation_space, self.num_envs)
         self.action_space = batch_space(self.single_action_space, self.num_envs)
         self._seeded = self._begun = False
+        self._stream: Any = None
         wp = self._warp = self.plant._warp
         self.device = wp.device_to_torch(self.plant.device)
         self._given = wp.zeros(self.num_envs, dtype=wp.float32, device=self.plant.device)
@@ -227,8 +228,10 @@ class HeaveTorchVectorEnv(gym.vector.VectorEnv):
             return nullcontext()
         import torch
 
-        stream = self._warp.stream_from_torch(torch.cuda.current_stream(self.device))
-        scope: AbstractContextManager[Any] = self._warp.ScopedStream(stream, sync_enter=False)
+        current = torch.cuda.current_stream(self.device)
+        if self._stream is None or self._stream.cuda_stream != current.cuda_stream:
+            self._stream = self._warp.stream_from_torch(current)
+        scope: AbstractContextManager[Any] = self._warp.ScopedStream(self._stream, sync_enter=False)
         return scope
 
     def _checked_mask(self, mask: Any) -> np.ndarray:

@@ -194,3 +194,36 @@ def test_neither_torch_nor_pickle_is_used(saved):
         [sys.executable, "-c", program], cwd=root, capture_output=True, text=True, check=False
     )
     assert done.returncode == 0, done.stderr
+
+
+def test_a_policy_acts_on_variants_of_its_scenario_as_it_is(saved):
+    met = scenarios.load("sea_state_5@rougher@later")
+    policy = load_policy(saved, met)
+    np.testing.assert_array_equal(
+        policy.predict(observations())[0], small_policy().predict(observations())[0]
+    )
+    # What is known has changed, not only the plant: another scenario.
+    slower = scenarios.with_value(met, "winch.time_constant", 2.0)
+    assert "was trained in scenario 'sea_state_5'" in refusal(saved, slower)
+
+
+def test_a_policy_of_a_variant_belongs_there(tmp_path):
+    met = scenarios.load("sea_state_5@rougher")
+    bare = small_policy()
+    save_policy(
+        tmp_path / "policy.json",
+        TrainedPolicy(bare.architecture, bare.weights, policy_card(met, algorithm="ppo")),
+    )
+    assert load_policy(tmp_path, met).scenario == met
+    assert "was trained in scenario 'sea_state_5@rougher'" in refusal(tmp_path, SCENARIO)
+
+
+def test_comparison_of_a_variant_takes_the_scenario_s_policy_and_designs(saved, tmp_path):
+    from experiments.compare import compare
+
+    names = ("sea_state_5", "sea_state_5@rougher")
+    chosen = [scenarios.load(name) for name in names]
+    out = compare(chosen, ["none", f"agent:{saved}"], n_seeds=2, out=tmp_path / "runs", duration=20.0)
+    table = (out / "results.csv").read_text(encoding="utf-8")
+    assert all(f"\n{name},none,cost" in table for name in names)
+    assert (out / "report.html").stat().st_size > 10_000

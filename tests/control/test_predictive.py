@@ -10,7 +10,7 @@ from scipy.optimize import LinearConstraint, minimize
 from baselines import design
 from baselines.clairvoyant import clairvoyant_cost
 from baselines.lqg import LimitedStochasticOptimal, lqg
-from baselines.mpc import assumed_energy_weight, mpc, mpc_l1
+from baselines.mpc import assumed_energy_weight, mpc, mpc_l1, plan
 from baselines.tuning import tuning_scenario
 from experiments.metrics import mean_cost, window
 from experiments.rollout import FIRST_TEST_SEED, rollout
@@ -58,12 +58,42 @@ def test_without_limits_it_is_the_stochastic_optimal_controller(delay, informati
     assert ours == pytest.approx(theirs, rel=2e-3)
 
 
-def test_limits_that_never_bite_cost_little():
-    # With an acceleration limit the plan has the rate run straight within a step, where the lag lets it jump.
-    loose = with_(THESIS, winch__speed_limit=100.0, winch__acceleration_limit=100.0, duration=250.0)
-    theirs, ours = cost(THESIS, lqg(THESIS)).mean(), cost(loose, mpc(loose)).mean()
-    print(f"loose limits: {ours:.5f}, no limits: {theirs:.5f}")
-    assert ours == pytest.approx(theirs, rel=0.05)
+@pytest.mark.parametrize("n_substeps", [2, 8])
+@pytest.mark.parametrize("operation", [THESIS, LIMITS], ids=lambda scenario: scenario.name)
+def test_limits_that_never_bite_cost_nothing(operation, n_substeps):
+    short = with_(operation, duration=250.0, n_substeps=n_substeps)
+    free = with_(short, winch__speed_limit=None, winch__acceleration_limit=None)
+    loose = with_(short, winch__speed_limit=100.0, winch__acceleration_limit=100.0)
+    theirs, ours = cost(loose, lqg(loose), 8).mean(), cost(loose, mpc(loose), 8).mean()
+    without = cost(free, lqg(free), 8).mean()
+    ratio, plant = ours / theirs, theirs / without
+    print(
+        f"{operation.name}, {n_substeps} steps: mpc over lqg {ratio:.4f}; loose over none {plant:.4f}"
+    )
+    assert ours == pytest.approx(theirs, rel=5e-3)
+    # What is left is the plant's: with an acceleration limit a drum moves by the trapezoid of a solver step.
+    assert 1.0 < plant < 1.0 + 0.05 / n_substeps
+
+
+@pytest.mark.parametrize("acceleration_limit", [0.5, 1.0, 2.0, 5.0, 20.0])
+def test_between_a_limit_that_bites_and_one_that_does_not_nothing_is_lost(acceleration_limit):
+    scenario = with_(THESIS, winch__acceleration_limit=acceleration_limit, duration=250.0, n_substeps=4)
+    found = {}
+    controller = mpc(scenario)
+    for straight in (False, True):
+        made = plan(
+            scenario,
+            controller.estimator.winch,
+            command_weight=1.0,
+            speed_weight=0.0,
+            energy_weight=0.0,
+            straight=straight,
+        )
+        found[straight] = cost(scenario, replace(controller, plan=made), 8).mean()
+    ours = found[controller.plan.ramps]
+    print(f"{acceleration_limit} m/s2: straight {found[True]:.5f}, by the lag {found[False]:.5f}")
+    # The rule takes the better plan, but for a hundredth near the border between them.
+    assert ours <= 1.01 * min(found.values())
 
 
 # Its own problem -----------------------------------------------------------------------------------
@@ -74,9 +104,9 @@ def states_on_the_way(controller, scenario, n_steps=200):
     found = []
 
     class Spy(type(controller)):
-        def planned(self, state):
+        def planned(self, state, capability=None):
             found.append(state)
-            return super().planned(state)
+            return super().planned(state, capability)
 
     spy = Spy(**{name: getattr(controller, name) for name in controller.__dataclass_fields__})
     trajectory(replace(scenario, duration=n_steps * scenario.control_dt), spy, 4)
@@ -120,9 +150,9 @@ def test_the_limited_winch_does_what_the_plan_says():
     planned = []
 
     class Spy(type(controller)):
-        def planned(self, state):
-            planned.append(super().planned(state)[:, 0])
-            return super().planned(state)
+        def planned(self, state, capability=None):
+            planned.append(super().planned(state, capability)[:, 0])
+            return super().planned(state, capability)
 
     spy = Spy(**{name: getattr(controller, name) for name in controller.__dataclass_fields__})
     record = trajectory(with_(LIMITS, duration=60.0), spy, 4).states["winch_rate"]

@@ -1,4 +1,4 @@
-"""The stochastic-optimal design knows a second-order drive, and costs what theory says."""
+"""Every design knows a second-order drive, and costs what theory says of it."""
 
 from __future__ import annotations
 
@@ -7,13 +7,19 @@ import dataclasses
 import numpy as np
 import pytest
 
+from baselines import DESIGNERS
+from baselines.clairvoyant import clairvoyant_cost
 from baselines.lqg import lqg
 from baselines.model import linear_model
+from baselines.mpc import mpc
+from heave_env.controller import NoControl
 from heave_env.parameters import Winch
 from heave_env.plant import Plant
 from heave_env.scenarios import Scenario, load
+from heave_env.sensors import Sensor
 
 DRIVE = Winch(natural_omega=1.5, damping_ratio=0.5, command_range=4.0, command_delay=0.2)
+LAG = Winch(time_constant=DRIVE.lag, command_range=4.0, command_delay=0.2)
 
 
 def operation(**changes) -> Scenario:
@@ -22,11 +28,11 @@ def operation(**changes) -> Scenario:
     )
 
 
-def mean_cost(scenario: Scenario, controller, n_seas: int) -> tuple[float, float]:
+def mean_cost(scenario: Scenario, controller, n_seas: int, n_steps: int = 3000) -> tuple[float, float]:
     """Mean stage cost after 100 s, and its standard error over seas."""
     plant = Plant(scenario, n_seas)
     plant.begin(np.ones(n_seas, dtype=bool), 20_000_000 + np.arange(n_seas))
-    memory, cost, n_steps, first = None, np.zeros(n_seas), 3000, 1000
+    memory, cost, first = None, np.zeros(n_seas), 1000
     for step in range(n_steps):
         action, memory = controller.predict(plant.observation, memory)
         plant.advance(action[:, 0].astype(float))
@@ -40,11 +46,7 @@ def test_it_costs_what_theory_says_and_less_than_a_design_for_the_lag():
     best = lqg(scenario)
     assert best.states[-1] == "winch_rate"
     cost, error = mean_cost(scenario, best, 128)
-    by_lag = lqg(
-        dataclasses.replace(
-            scenario, winch=Winch(time_constant=DRIVE.lag, command_range=4.0, command_delay=0.2)
-        )
-    )
+    by_lag = lqg(dataclasses.replace(scenario, winch=LAG))
     of_lag, _ = mean_cost(scenario, by_lag, 16)
     print(
         f"\nsecond-order design {cost:.4f} +- {error:.4f}, theory {best.performance.cost:.4f}; "
@@ -54,9 +56,81 @@ def test_it_costs_what_theory_says_and_less_than_a_design_for_the_lag():
     assert cost < 0.5 * of_lag
 
 
+LINEAR_DESIGNS = [
+    # Without the delay that it does not know and would not be stable with.
+    ("lqr", 0.0, {}, 0),
+    ("lqr", 0.0, {}, 1),
+    ("lqr", 0.0, {"design": "continuous", "command_weight": 10.0}, 2),
+    ("delay_lqr", 0.2, {}, 0),
+    ("delay_lqr", 0.15, {}, 1),
+    ("delay_lqr", 0.2, {}, 2),
+    ("delay_lqr", 0.2, {"design": "taylor"}, 0),
+    ("delay_lqr", 0.2, {"design": "taylor", "command_weight": 100.0}, 1),
+    ("delay_lqr", 0.2, {"design": "taylor", "command_weight": 100.0}, 2),
+    ("feedforward", 0.2, {}, 0),
+    ("feedforward_prediction", 0.2, {"aim": "middle"}, 0),
+    ("feedforward_prediction", 0.2, {"aim": "end"}, 0),
+    ("feedforward_prediction", 0.15, {"aim": "end"}, 0),
+    ("pid", 0.2, {}, 0),
+]
+"""Design, delay [s], options, and what is measured of the winch: nothing, its displacement, its rate too."""
+
+
+@pytest.mark.parametrize(("kind", "delay", "options", "n_seen"), LINEAR_DESIGNS)
+def test_every_linear_design_costs_what_theory_says(kind, delay, options, n_seen):
+    # A range that cuts nothing off: the zigzag of `end` is large.
+    scenario = operation(command_delay=delay, command_range=20.0)
+    winch = (Sensor(channel="winch_displacement", noise_std=1e-3), Sensor(channel="winch_rate"))[:n_seen]
+    scenario = dataclasses.replace(scenario, sensors=(*scenario.sensors, *winch))
+    controller = DESIGNERS[kind](scenario, **options)
+    assert {sensor.channel for sensor in winch} <= set(controller.measures)
+    cost, error = mean_cost(scenario, controller, 32)
+    theory = controller.predicted_cost
+    print(f"\n{kind} {options}, delay {delay} s: {cost:.4g} +- {error:.2g}, theory {theory:.4g}")
+    assert cost == pytest.approx(theory, abs=3.0 * error)
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.15, 0.2])
+def test_the_predictive_controller_is_the_stochastic_optimal_one(delay):
+    scenario = operation(command_delay=delay)
+    theirs, ours = (mean_cost(scenario, make(scenario), 16)[0] for make in (lqg, mpc))
+    assert ours == pytest.approx(theirs, rel=2e-3)
+
+
+def test_the_peaks_forecast_inverts_the_drive_as_well():
+    # A noise-free swell of one frequency, half a second ahead: what is left is a small share of it.
+    scenario = operation(command_delay=0.5)
+    sea = dataclasses.replace(scenario.sea_state, kind="regular")
+    boom_tip = tuple(Sensor(channel=channel) for channel in ("boom_tip_heave", "boom_tip_heave_rate"))
+    scenario = dataclasses.replace(scenario, sea_state=sea, sensors=boom_tip)
+    by_lag = dataclasses.replace(scenario, winch=dataclasses.replace(LAG, command_delay=0.5))
+    costs = [mean_cost(scenario, DESIGNERS["feedforward_peaks"](known), 4)[0] for known in (scenario, by_lag)]
+    locked = mean_cost(scenario, NoControl(), 4)[0]
+    print(f"\npeaks {costs[0]:.4g}, by the lag {costs[1]:.4g}, winch locked {locked:.4g}")
+    assert costs[0] < 0.01 * locked < costs[1]
+
+
+def test_feed_forward_of_a_drive_chooses_an_aim_that_its_range_holds():
+    wide, narrow = operation(), operation(command_range=2.0)
+    for scenario, aim in ((wide, "end"), (narrow, "middle")):
+        chosen = DESIGNERS["feedforward_prediction"](scenario)
+        same = DESIGNERS["feedforward_prediction"](scenario, aim=aim)
+        assert np.array_equal(chosen.gain, same.gain)
+
+
+def test_nobody_is_cheaper_than_who_knows_the_sea():
+    full = dataclasses.replace(operation(), information_set="full_state", duration=250.0)
+    seeds = [20_000_000, 20_000_001]
+    least = clairvoyant_cost(full, seeds)
+    causal, _ = mean_cost(full, lqg(full), 2, n_steps=2500)
+    assert np.all(least < causal * 1.2)
+    assert least.mean() == pytest.approx(causal, rel=0.02)
+    assert least.mean() < causal
+
+
 def test_the_model_steps_the_drive_as_the_plant_does():
     scenario = operation(command_delay=0.0)
-    model = linear_model(dataclasses.replace(scenario, start="hanging"), drive=True)
+    model = linear_model(dataclasses.replace(scenario, start="hanging"))
     u, v = model.index("winch_displacement"), model.index("winch_rate")
     calm = dataclasses.replace(
         scenario, start="hanging", sea_state=dataclasses.replace(scenario.sea_state, kind="calm")

@@ -165,11 +165,20 @@ def test_no_optimum_is_claimed_where_none_is_proven(change):
     assert optimal_cost(scenario) is None
 
 
-def test_no_optimum_is_claimed_for_a_cable_or_a_drive_that_the_model_does_not_have():
+def test_no_optimum_is_claimed_for_a_cable():
     assert optimal_cost(load("sea_state_5")) is None
-    drive = replace(LINEAR.winch, time_constant=None, natural_omega=2.0)
-    assert optimal_cost(replace(LINEAR, winch=drive)) is None
-    assert lqg(replace(LINEAR, winch=drive)).predicted_cost is None
+    assert lqg(load("sea_state_5"), command_weight=100.0).predicted_cost is None
+
+
+@pytest.mark.parametrize("delay", [0.0, 0.15, 0.2])
+@pytest.mark.parametrize("information_set", ["full_state", "sensors"])
+def test_a_second_order_drive_has_its_optimum_too(information_set, delay):
+    drive = replace(LINEAR.winch, time_constant=None, natural_omega=2.0, command_delay=delay)
+    scenario = replace(LINEAR, winch=drive, information_set=information_set)
+    # Riccati traces, and the Lyapunov equation of plant and filter.
+    assert lqg(scenario).predicted_cost == pytest.approx(optimal_cost(scenario), rel=1e-6)
+    for name in ("lqr", "delay_lqr"):
+        assert design(name, scenario).predicted_cost > optimal_cost(scenario)
 
 
 def test_lqg_refuses_a_calm_sea_and_useless_sensors_with_a_sentence():

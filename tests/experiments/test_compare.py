@@ -19,6 +19,7 @@ from experiments.compare import (
     controller_of,
     default_reference,
     labels_of,
+    oracle_labels,
 )
 from experiments.metrics import METRICS, metric_names
 from experiments.results import RESULT_COLUMNS
@@ -116,6 +117,36 @@ def test_the_clairvoyant_yardstick_is_below_everybody_and_asked_for(tmp_path):
     with pytest.raises(ValueError, match="takes a linear payload, scenario 'sea_state_5' has a cable"):
         compare([load("sea_state_5")], ["none"], out=tmp_path / "other", **short)
     assert not (tmp_path / "other").exists()
+
+
+def test_the_oracle_is_a_yardstick_and_every_cost_is_given_over_its_own(tmp_path):
+    short = dict(n_seeds=2, duration=20.0, arguments=["compare"], oracle=True)
+    seen: set[str] = set()
+    folder = compare(
+        [load("unknown_linear")],
+        ["none", "feedforward"],
+        out=tmp_path / "out",
+        progress=lambda scenario, label, count, total: seen.add(label),
+        **short,
+    )
+    rows, episodes = rows_of(folder / "results.csv"), rows_of(folder / "episodes.csv")
+    name = "unknown_linear"
+    assert 0.0 < value(rows, name, "oracle", "cost") < value(rows, name, "none", "cost")
+    assert not any(row["controller"] == "oracle" for row in episodes)
+    ratios = [float(row["cost_over_oracle [-]"]) for row in episodes if row["controller"] == "none"]
+    assert value(rows, name, "none", "cost_over_oracle") == pytest.approx(np.mean(ratios))
+    assert value(rows, name, "none", "cost_over_oracle_maximum") == pytest.approx(max(ratios))
+    assert min(ratios) > 1.0
+    assert {"oracle", "oracle designs"} <= seen
+    page = (folder / "report.html").read_text(encoding="utf-8")
+    assert "yardstick oracle, J" in page and "What not knowing the parameters costs" in page
+    with pytest.raises(ValueError, match="'thesis_linear' has no uncertainty; leave --oracle out"):
+        compare([load("thesis_linear")], ["none"], out=tmp_path / "other", **short)
+
+
+def test_where_limits_bite_the_oracle_plans():
+    assert oracle_labels(load("limits_unknown_linear")) == ("oracle", "oracle_mpc")
+    assert oracle_labels(load("unknown_linear")) == ("oracle",)
 
 
 def test_the_seas_are_the_first_test_seas(folder):

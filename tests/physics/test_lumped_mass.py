@@ -11,6 +11,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from heave_env.cable.constitutive import static_strain
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.cable.lumped_mass import LineState, LumpedMassSolver
 from heave_env.parameters import GRAVITY, Attachment, Cable, Current, Line, Payload, Section
@@ -355,3 +356,67 @@ def test_the_state_says_where_its_nodes_are():
     assert isinstance(state, LineState)
     assert state.arc_lengths == pytest.approx(np.linspace(0.0, 300.0, 13))
     assert state.length == pytest.approx(300.0)
+
+
+# Ropes that harden and relax.
+
+ROPE = dataclasses.replace(
+    LIMP,
+    axial_stiffness=2.0e6,
+    axial_damping=1.0e4,
+    quadratic_hardening=15.0,
+    cubic_hardening=200.0,
+    relaxing_stiffness=2.0e6,
+    relaxation_time=3.0,
+)
+
+
+@pytest.mark.parametrize("change", [40.0, -40.0])
+def test_a_rope_carries_what_its_branches_hold_through_splits_and_merges(change):
+    solver = hanging(line=Line.uniform(ROPE, 300.0))
+    top = circling(0.05)
+    length = 300.0 + change * np.linspace(0.0, 1.0, len(top)) ** 2
+    whole = solver.simulate(top, dt=0.05, length=length)
+    first = solver.simulate(top[:101], dt=0.05, length=length[:101])
+    second = solver.simulate(top[100:], dt=0.05, length=length[100:], start=first.end)
+    assert abs(len(whole.end.branch_strains) - 12) >= 1
+    assert np.abs(first.end.branch_strains).max() > 1e-4
+    assert len(whole.end.branch_strains) == len(whole.end.segment_lengths)
+    assert second.end.branch_strains == pytest.approx(whole.end.branch_strains, abs=1e-12)
+    assert second.end.positions == pytest.approx(whole.end.positions, abs=1e-8)
+    assert copy.deepcopy(whole.end) == whole.end
+    assert dataclasses.replace(whole.end, branch_strains=np.zeros(3)) != whole.end
+
+
+def test_a_line_of_rope_below_wire_is_at_rest_and_its_wire_holds_nothing_that_pulls():
+    line = Line(sections=(Section(cable=ROPE, length=100.0), Section(cable=LIMP, length=200.0)))
+    solver = hanging(line=line, current=CURRENT)
+    still = solver.rest()
+    record = solver.simulate((0.0, 0.0, 0.0), dt=0.1, n_steps=100, start=still)
+    assert np.abs(record.end.positions - still.positions).max() < 1e-6
+    # The same line with wire throughout stretches by Hooke's law alone.
+    strain = np.linalg.norm(np.diff(still.positions, axis=0), axis=1) / still.segment_lengths - 1.0
+    assert strain[:4] == pytest.approx(static_strain(ROPE, still.tensions[:4]), rel=1e-6)
+    assert strain[4:] == pytest.approx(still.tensions[4:] / LIMP.axial_stiffness, rel=1e-6)
+
+
+def test_placed_rope_has_relaxed_and_energy_counts_what_branches_hold():
+    solver = hanging(line=Line.uniform(ROPE, 300.0))
+    state = solver.placed(solver.rest().positions)
+    assert state.tensions == pytest.approx(solver.rest().tensions, rel=1e-9)
+    held = dataclasses.replace(state, branch_strains=np.full(12, 0.01))
+    assert solver.energy(held) - solver.energy(state) == pytest.approx(0.5 * 2e6 * 1e-4 * 300.0)
+
+
+@few
+@given(heave=st.floats(0.5, 8.0), period=st.floats(2.0, 15.0), relaxation_time=st.floats(0.05, 100.0))
+def test_a_snapping_rope_never_pushes(heave, period, relaxation_time):
+    rope = dataclasses.replace(ROPE, relaxation_time=relaxation_time)
+    light = dataclasses.replace(PAYLOAD, submerged_weight=5000.0)
+    solver = hanging(line=Line.uniform(rope, 300.0), payload=light)
+    time = 0.05 * np.arange(301)
+    top = np.zeros((301, 3))
+    top[:, 2] = heave * np.sin(2.0 * math.pi * time / period)
+    record = solver.simulate(top, dt=0.05)
+    assert record.least_tension.min() >= 0.0
+    assert np.all(np.isfinite(record.positions)) and np.all(np.isfinite(record.end.branch_strains))

@@ -271,3 +271,63 @@ def test_a_march_runs_far_faster_than_real_time():
     speed = 4000 * DT / (time.perf_counter() - begin)
     print(f"40 elements, steps of {DT} s: {speed:.0f} simulated seconds per second")
     assert speed > 100.0  # measured above 2000, on a busy core too
+
+
+# Ropes that harden and relax -------------------------------------------------------------------------
+
+ROPE = dataclasses.replace(
+    SNAPPING,
+    axial_stiffness=2.0e6,
+    axial_damping=1.0e4,
+    quadratic_hardening=15.0,
+    cubic_hardening=200.0,
+    relaxing_stiffness=2.0e6,
+    relaxation_time=3.0,
+)
+
+
+def test_a_rope_carries_what_its_branches_hold_from_march_to_march():
+    solver = dataclasses.replace(SOLVER, cable=ROPE)
+    x, z = swept(120, 2.0, 1.5, 1.1)
+    length = 100.0 + np.where(np.arange(121) > 40, 0.03 * (np.arange(121) - 40), 0.0)
+    whole = solver.simulate(x, z, DT, length)
+    first = solver.simulate(x[:61], z[:61], DT, length[:61])
+    second = solver.simulate(x[60:], z[60:], DT, length[60:], start=first.final)
+    assert first.final.branch_strain.shape == (10,) and np.abs(first.final.branch_strain).max() > 1e-4
+    assert np.array_equal(second.final.branch_strain, whole.final.branch_strain)
+    assert second.final.position == pytest.approx(whole.final.position, abs=1e-9)
+    # Forgotten, it would tell.
+    forgetful = dataclasses.replace(first.final, branch_strain=np.zeros(10))
+    third = solver.simulate(x[60:], z[60:], DT, length[60:], start=forgetful)
+    assert abs(third.payload_z[-1] - whole.payload_z[-1]) > 1e-3
+    assert forgetful != first.final and first.final.copy() == first.final
+    assert pickle.loads(pickle.dumps(first.final)) == first.final
+    stepped = solver.rest((x[0], z[0]), length[0])
+    for k in range(1, 61):
+        stepped = solver.step(stepped, (x[k], z[k], length[k]), DT)
+    assert np.array_equal(stepped.branch_strain, first.final.branch_strain)
+
+
+def test_a_rope_rests_in_its_current_and_a_hookean_cable_holds_nothing():
+    solver = dataclasses.replace(SOLVER, cable=ROPE)
+    record = solver.simulate(np.zeros(100), np.zeros(100), DT)
+    assert np.ptp(record.payload_x) < 1e-8 and np.ptp(record.payload_z) < 1e-8
+    assert np.abs(record.final.branch_strain).max() < 1e-9
+    assert len(SOLVER.simulate(np.zeros(3), np.zeros(3), DT).final.branch_strain) == 0
+
+
+@few
+@given(
+    heave=st.floats(1.0, 8.0),
+    sway=st.floats(0.0, 8.0),
+    omega=st.floats(0.5, 3.0),
+    n_elements=st.integers(1, 25),
+    relaxation_time=st.floats(0.05, 100.0),
+)
+def test_a_snapping_rope_never_pushes_and_never_fails(heave, sway, omega, n_elements, relaxation_time):
+    rope = dataclasses.replace(ROPE, relaxation_time=relaxation_time)
+    solver = dataclasses.replace(SOLVER, cable=rope, n_elements=n_elements)
+    record = solver.simulate(*swept(400, sway, heave, omega), DT)
+    assert record.least_tension.min() >= 0.0
+    for series in (record.payload_x, record.payload_z, record.top_tension, record.final.branch_strain):
+        assert np.all(np.isfinite(series))

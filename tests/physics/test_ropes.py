@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import itertools
 import math
 
 import numpy as np
@@ -14,10 +15,8 @@ from heave_env.cable import constitutive
 from heave_env.cable.axial import AxialSolver
 from heave_env.cable.closed_form import payload_response
 from heave_env.cable.lowering import Lowering
-from heave_env.cable.lumped_mass import LumpedMassSolver
-from heave_env.cable.planar import PlanarSolver
 from heave_env.cable.sagged_span import SaggedSpanSolver
-from heave_env.cable.statics import FixedEnds, StaticsSolver, Towed
+from heave_env.cable.statics import StaticsSolver, Towed
 from heave_env.cable.towing import Towing
 from heave_env.cable.waves import WavesSolver, travel_times
 from heave_env.parameters import Cable, Compensator, Draw, Line, Payload, PayOut, SeaState
@@ -60,6 +59,40 @@ def test_mean_tension_is_the_change_of_energy_over_the_change_of_strain(old, new
     if abs(new - old) > 1e-3 and min(abs(old), abs(new)) > 1e-3:
         beyond, _, _ = constitutive.rope_tension(old, new + 1e-7, 0.0, rope.axial_stiffness, *numbers)
         assert slope == pytest.approx((beyond - tension) / 1e-7, rel=1e-3, abs=2.0)
+
+
+@settings(max_examples=60, deadline=None, derandomize=True)
+@given(
+    path=st.lists(st.floats(-0.05, 0.1), min_size=4, max_size=12),
+    stiffness=st.floats(0.0, 1e7),
+    relaxation_time=st.floats(0.01, 100.0),
+    tension_only=st.booleans(),
+)
+def test_a_rope_gives_back_no_more_than_was_put_in(path, stiffness, relaxation_time, tension_only):
+    # Whatever it is put through, slack and snap too, the work of each step is at least the energy gained;
+    # and Newton's tangent is the tension's own slope, the branch's share included.
+    hardening = {"quadratic_hardening": 20.0, "cubic_hardening": 300.0}
+    rope = soft_rope(**hardening, relaxing_stiffness=stiffness, tension_only=tension_only)
+    EA, law = rope.axial_stiffness, constitutive.rope_energy_coefficients(rope)
+    share, held = 1.0 / (1.0 + 0.5 / relaxation_time), 0.0
+
+    def pull(old, new):
+        rest = (share, 0.0, 1.0, tension_only)
+        return constitutive.rope_tension(old, new, held, EA, *law, stiffness, *rest)
+
+    for old, new in itertools.pairwise(path):
+        tension, slope, middle = pull(old, new)
+        rest = (stiffness, share, tension_only)
+        after = constitutive.branch_after(old, new, held, middle, EA, *law, *rest)
+        gained = np.diff(constitutive.stored_energy(rope, np.array([old, new])))[0]
+        gained += 0.5 * stiffness * (after**2 - held**2)
+        assert tension * (new - old) >= gained - 1e-9 * EA
+        if tension_only:
+            assert tension >= 0.0
+        beyond, before = pull(old, new + 1e-7)[0], pull(old, new - 1e-7)[0]
+        if abs(new - old) > 1e-3 and abs(new) > 1e-6 and min(before, beyond) > 0.0 and tension > 0.0:
+            assert slope == pytest.approx((beyond - before) / 2e-7, rel=1e-3, abs=1e3)
+        held = after
 
 
 @settings(max_examples=40, deadline=None, derandomize=True)
@@ -134,10 +167,12 @@ def test_peak_snap_converges_to_the_fine_grid():
     assert peaks == pytest.approx([peaks[2]] * 3, rel=2e-3)
 
 
+@pytest.mark.parametrize("tension_only", [False, True])
 @pytest.mark.parametrize("omega", [0.3, 1.0, 2.5])
-def test_small_motion_meets_the_complex_modulus(omega):
-    # About the static tension the rope answers like a rod of dT/de + i ω EA1 τ / (1 + i ω τ).
-    rope = soft_rope(tension_only=False, axial_damping=2e4, submerged_weight=0.0, **BEYOND_HOOKE)
+def test_small_motion_meets_the_complex_modulus(omega, tension_only):
+    # About the static tension the rope answers like a rod of dT/de + i ω EA1 τ / (1 + i ω τ), whether or not
+    # it could push: no more than the tension between the waves goes through zero.
+    rope = soft_rope(tension_only=tension_only, axial_damping=2e4, submerged_weight=0.0, **BEYOND_HOOKE)
     solver = AxialSolver(cable=rope, payload=WEIGHT, length=300.0, n_elements=20)
     period, dt = 2.0 * math.pi / omega, 0.01
     n_period = round(period / dt)

@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -219,28 +220,122 @@ def test_without_wavespectra_a_sentence_says_what_to_install(tmp_path, monkeypat
         read_spectrum(tmp_path / "any.spec", "swan")
 
 
-def test_wavespectra_reads_what_it_wrote(tmp_path):
+FREQUENCIES = np.round(np.linspace(0.03, 0.6, 58), 4)
+
+
+def per_hertz(height: float, peak_omega: float, enhancement: float) -> np.ndarray:
+    """JONSWAP at `FREQUENCIES` [m²/Hz]."""
+    return 2.0 * np.pi * jonswap(2.0 * np.pi * FREQUENCIES, height, peak_omega, enhancement)
+
+
+WRITTEN = ((3.0, 0.7, 3.3), (2.0, 0.9, 2.0))
+"""Two records of one file: height, peak and peak enhancement."""
+
+
+@pytest.mark.parametrize("format", ["json", "swan", "octopus", "ww3"])
+def test_wavespectra_reads_what_it_wrote(tmp_path, format):
     pytest.importorskip("wavespectra", reason="the optional extra `spectra` is not installed")
     xarray = pytest.importorskip("xarray")
-    frequency = np.linspace(0.03, 0.6, 120)
-    omega = 2.0 * np.pi * frequency
     direction = np.arange(0.0, 360.0, 15.0)
     spread = np.cos(0.5 * np.radians(direction - 90.0)) ** 20
     spread /= 15.0 * spread.sum()
-    density = 2.0 * np.pi * jonswap(omega, 3.0, 0.7, 3.3)
+    density = np.stack([per_hertz(*sea) for sea in WRITTEN])
     data = xarray.DataArray(
-        (density[:, None] * spread)[None],
-        dims=["time", "freq", "dir"],
-        coords={"time": [np.datetime64("2026-01-01")], "freq": frequency, "dir": direction},
+        (density[:, :, None] * spread)[:, None],
+        dims=["time", "site", "freq", "dir"],
+        coords={
+            "time": np.array(["2026-01-01T00", "2026-01-01T03"], dtype="datetime64[ns]"),
+            "site": [0],
+            "freq": FREQUENCIES,
+            "dir": direction,
+        },
         name="efth",
-    )
-    data.to_dataset().spec.to_json(str(tmp_path / "model.json"))
-    spectrum = read_spectrum(tmp_path / "model.json", "json")
-    assert spectrum.density == pytest.approx(jonswap(spectrum.omega, 3.0, 0.7, 3.3), rel=1e-6, abs=1e-9)
-    with pytest.raises(ValueError, match="spectrum_record must be below 1"):
-        read_spectrum(tmp_path / "model.json", "json", 1)
+    ).to_dataset()
+    data["lon"], data["lat"] = ("site", [3.0]), ("site", [56.0])
+    for name, value in (("wspd", 10.0), ("wdir", 90.0), ("dpt", 50.0)):
+        data[name] = (("time", "site"), np.full((2, 1), value))
+    path = tmp_path / f"model.{format}"
+    getattr(data.spec, f"to_{format}")(str(path))
+    for record, sea in enumerate(WRITTEN):
+        spectrum = read_spectrum(path, format, record)
+        written = jonswap(spectrum.omega, *sea)
+        assert spectrum.density == pytest.approx(written, rel=1e-6, abs=3e-4 * written.max())
+    with pytest.raises(ValueError, match="spectrum_record must be below 2"):
+        read_spectrum(path, format, 2)
     with pytest.raises(ValueError, match="is no reader of wavespectra; known: .*swan"):
-        read_spectrum(tmp_path / "model.json", "jason")
+        read_spectrum(path, "jason")
+
+
+def buoy_file(folder: Path, reader: str) -> Path:
+    """A file as a buoy's maker or operator lays it out, with the second of `WRITTEN` after the first."""
+    if reader == "ndbc_ascii":
+        path = folder / "41001w2026.txt"
+        lines = ["#YY  MM DD hh mm " + " ".join(f"{f:.4f}" for f in FREQUENCIES)]
+        for hour, sea in enumerate(WRITTEN):
+            lines.append(f"2026 01 01 {hour:02d} 00 " + " ".join(f"{s:.7f}" for s in per_hertz(*sea)))
+    elif reader == "triaxys":
+        path = folder / "20260101.NONDIRSPEC"
+        lines = [
+            "TRIAXYS BUOY DATA REPORT",
+            "TYPE = NON-DIRECTIONAL SPECTRUM",
+            "DATE = 2026 Jan 01 00:00(UTC)",
+            f"NUMBER OF FREQUENCIES = {len(FREQUENCIES)}",
+            "INITIAL FREQUENCY (Hz) = 0.030",
+            "FREQUENCY SPACING (Hz) = 0.010",
+            "RESOLVABLE FREQUENCY RANGE (Hz) = 0.030 TO 0.600",
+            "COLUMN 1 = FREQUENCY (Hz)",
+            "COLUMN 2 = SPECTRAL DENSITY (M^2/HZ)",
+        ]
+        lines += [f"{f:.5E} {s:.7E}" for f, s in zip(FREQUENCIES, per_hertz(*WRITTEN[0]), strict=True)]
+    else:
+        path = folder / "buoy}2026-01-01T00h00.spt"
+        density = per_hertz(*WRITTEN[0])
+        head = (1, 300, 7.5, f"{density.max():.8g}", 20, 12, 5, 0, 0, 0, 0, 60)
+        lines = [str(number) for number in head]
+        lines += [
+            f"{f:.4f},{s:.8e},90.0,20.0,0.0,3.0"
+            for f, s in zip(FREQUENCIES, density / density.max(), strict=True)
+        ]
+    path.write_text("\n".join(lines) + "\n")
+    return path
+
+
+@pytest.mark.parametrize("reader", ["ndbc_ascii", "triaxys", "datawell"])
+def test_wavespectra_reads_what_buoys_write(tmp_path, reader):
+    pytest.importorskip("wavespectra", reason="the optional extra `spectra` is not installed")
+    path = buoy_file(tmp_path, reader)
+    for record, sea in enumerate(WRITTEN if reader == "ndbc_ascii" else WRITTEN[:1]):
+        spectrum = read_spectrum(path, reader, record)
+        written = jonswap(spectrum.omega, *sea)
+        assert spectrum.density == pytest.approx(written, rel=1e-5, abs=1e-6 * written.max())
+
+
+def test_a_measured_sea_moves_the_boom_tip_as_much_as_the_buoy(tmp_path):
+    pytest.importorskip("wavespectra", reason="the optional extra `spectra` is not installed")
+    path = buoy_file(tmp_path, "ndbc_ascii")
+    measured = {"spectrum": "measured", "spectrum_file": str(path), "spectrum_reader": "ndbc_ascii"}
+    for kind, given in (("random_phase", {}), ("shaping_filter", {"filter": "fitted", "filter_order": 8})):
+        sea = SeaState(kind=kind, significant_wave_height=0.0, **measured, **given)
+        scenario = dataclasses.replace(load("thesis_linear"), sea_state=sea, vessel=None)
+        record = simulate(scenario, seeds=range(1024), duration=100.0)
+        print(f"{kind}: Hs {4.0 * record['boom_tip_heave'].std():.3f} m of 3")
+        assert 4.0 * record["boom_tip_heave"].std() == pytest.approx(3.0, rel=0.02)
+
+
+def test_records_that_are_missing_are_refused_in_a_sentence(tmp_path):
+    csv = tmp_path / "spectrum.csv"
+    csv.write_text("omega,density\n0.2,999\n0.5,999\n1.0,999\n3.0,999\n")
+    with pytest.raises(
+        ValueError, match=r"holds a sea of 212 m: take a record that is not marked as missing"
+    ):
+        read_spectrum(csv)
+    pytest.importorskip("wavespectra", reason="the optional extra `spectra` is not installed")
+    path = buoy_file(tmp_path, "ndbc_ascii")
+    lines = path.read_text().splitlines()
+    lines[2] = "2026 01 01 01 00 " + " ".join(["MM"] * len(FREQUENCIES))
+    path.write_text("\n".join(lines) + "\n")
+    with pytest.raises(ValueError, match=r"wavespectra's reader 'ndbc_ascii' cannot read"):
+        read_spectrum(path, "ndbc_ascii", 1)
 
 
 # What contradicts what ---------------------------------------------------------------------------

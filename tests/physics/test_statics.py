@@ -13,6 +13,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from heave_env.cable.constitutive import static_tension
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.cable.statics import (
     FixedEnds,
@@ -367,3 +368,45 @@ def test_bearings_that_the_unit_cannot_reach_are_left_empty():
         line=LINE, payload=unit, depth=200.0, thrust=500.0, current=Current.uniform(1.0), n_bearings=12
     ).solve()
     assert np.isfinite(found.reach[0]) and np.isnan(found.reach[6])
+
+
+ROPE = dataclasses.replace(CABLE, axial_stiffness=2e6, quadratic_hardening=15.0, cubic_hardening=200.0)
+
+
+def test_a_hardening_rope_is_sampled_exactly_and_strained_by_its_law():
+    line = Line(sections=(Section(cable=ROPE, length=200.0), Section(cable=CABLE, length=150.0)))
+    ends = FixedEnds(lower=(-300.0, 0.0, -150.0), upper=(45.0, 0.0, 0.0))
+    coarse, fine = (StaticsSolver(line=line, ends=ends, n_segments=n).solve() for n in (7, 140))
+    at = np.linspace(0.0, 350.0, 57)
+    for rough, exact in zip(coarse.sample(at), fine.sample(at), strict=True):
+        assert rough == pytest.approx(exact, rel=1e-7, abs=1e-6)
+    soft = fine.section == 0
+    assert static_tension(ROPE, fine.strain[soft]) == pytest.approx(fine.greatest_tension[soft], rel=1e-9)
+    assert fine.strain[~soft] == pytest.approx(fine.greatest_tension[~soft] / 1.6e8)
+
+
+@few
+@given(
+    k2=st.floats(-10.0, 40.0),
+    k3=st.floats(40.0, 900.0),
+    upper=st.floats(-100.0, 355.0),
+    speed=st.floats(0.0, 1.0),
+)
+def test_a_hardening_rope_settles_wherever_a_hookean_one_does(k2, k3, upper, speed):
+    rope = dataclasses.replace(ROPE, quadratic_hardening=k2, cubic_hardening=k3, tension_only=True)
+    line = Line.uniform(dataclasses.replace(rope, submerged_weight=10.0), 350.0)
+    ends = FixedEnds(lower=(0.0, 0.0, -150.0), upper=(upper, 0.0, 0.0))
+    shape = StaticsSolver(line=line, ends=ends, current=Current.uniform(speed, 1.0), n_segments=30).solve()
+    # Moved by a little, its force changes as the shape's own stiffness says: one law, one gradient.
+    assert shape.residual < 1e-9 and np.all(np.isfinite(shape.force))
+    balance = shape.force[-1] - shape.force[0] + np.diff(shape.arc_length) @ shape.load
+    assert np.abs(balance).max() < 1e-6 * shape.tension.max()
+
+
+def test_a_hardening_rope_that_cannot_reach_is_refused_with_its_own_tension():
+    # EA (0.3 + 15 · 0.3² + 200 · 0.3³) = 14.1 MN, where Hooke's law would say 0.6 MN and let it pass.
+    line, ends = Line.uniform(ROPE, 100.0), FixedEnds(lower=(0.0, 0.0, -130.0), upper=(0.0, 0.0, 0.0))
+    with pytest.raises(ValueError, match=r"would carry 1\.41e\+07 N, a strain of 0\.3;"):
+        StaticsSolver(line=line, ends=ends)
+    soft = dataclasses.replace(ROPE, quadratic_hardening=0.0, cubic_hardening=0.0)
+    StaticsSolver(line=Line.uniform(soft, 100.0), ends=ends)

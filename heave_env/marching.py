@@ -1,0 +1,198 @@
+"""The compiled loop over many control steps, around the kernel's one: `rollouts` is its face.
+
+A block of environments makes all its steps before the next block begins, so that its state stays in the
+processor's cache. A policy's parameters lie beside the environments, one lane for each.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+from numba import njit
+
+from heave_env.compiled import announce_compilation, source_fingerprint, stage
+from heave_env.kernel import DIVERGED, KERNELS, RUNNING, SHARE_FIRST_BLOCK, SHARE_LAST_BLOCK
+from heave_env.layout import (
+    COMMAND_COST,
+    ENERGY_COST,
+    FAILURE_COST,
+    PAYLOAD_HEAVE,
+    POSITION_COST,
+    SAFETY_COST,
+    TENSION_MAX,
+    TENSION_MIN,
+)
+
+# Rows of the totals of a batch.
+(
+    TOTAL_COST,
+    TOTAL_POSITION,
+    TOTAL_COMMAND,
+    TOTAL_ENERGY,
+    TOTAL_FAILURE,
+    TOTAL_SAFETY,
+    LOWEST,
+    HIGHEST,
+    FARTHEST,
+    STEPS_MADE,
+    FATE,
+    N_TOTALS,
+) = range(12)
+
+# A compiled function finds those it calls among the globals, by name.
+_first, _second, _third, _fourth = ([advance for advance, _ in KERNELS.values()] * 4)[:4]
+
+
+@stage
+def bounded_tanh(x):
+    """tanh x in float32, to 3e-7 of itself: Lambert's continued fraction at x/2, then the double angle."""
+    real = np.float32
+    half = real(0.5) * min(max(x, real(-9.5)), real(9.5))
+    s = half * half
+    above = half * (real(135135.0) + s * (real(17325.0) + s * (real(378.0) + s)))
+    below = real(135135.0) + s * (real(62370.0) + s * (real(3150.0) + real(28.0) * s))
+    t = above / below
+    return real(2.0) * t / (real(1.0) + t * t)
+
+
+@stage
+def _act(parameters, widths, x, y, actions, first_row, n_rows, n_lanes):
+    """Actions of a block's rows: layer by layer, each output's bias first and then its weights.
+
+    `x`, (widest, n_lanes), holds the observations; both it and `y` are overwritten.
+    """
+    at = 0
+    n_layers = len(widths) - 1
+    for layer in range(n_layers):
+        for out in range(widths[layer + 1]):
+            into, bias = y[out], parameters[at]
+            for lane in range(n_lanes):
+                into[lane] = bias[lane]
+            at += 1
+            for i in range(widths[layer]):
+                weight, value = parameters[at], x[i]
+                for lane in range(n_lanes):
+                    into[lane] += weight[lane] * value[lane]
+                at += 1
+        if layer < n_layers - 1:
+            # All outputs lie one behind the other: one long loop over them.
+            outputs = y[: widths[layer + 1]].ravel()
+            for i in range(len(outputs)):
+                outputs[i] = bounded_tanh(outputs[i])
+        x, y = y, x
+    for lane in range(n_rows):
+        actions[first_row + lane] = x[0, lane]
+
+
+@stage
+def _add_up(state, block, n_rows, n_lanes, reward, outcome, counts, cable, totals):
+    """Adds a step to the totals of a block's rows, (N_TOTALS, n_lanes); returns how many rows still run."""
+    running = 0
+    for lane in range(n_rows):
+        if totals[FATE, lane] != RUNNING:
+            continue
+        row = block * n_lanes + lane
+        fate = outcome[row]
+        totals[FATE, lane] = fate
+        totals[STEPS_MADE, lane] += 1.0
+        running += fate == RUNNING
+        if counts or state[block, FAILURE_COST, lane] > 0.0:
+            totals[TOTAL_COST, lane] -= reward[row]
+            totals[TOTAL_POSITION, lane] += state[block, POSITION_COST, lane]
+            totals[TOTAL_COMMAND, lane] += state[block, COMMAND_COST, lane]
+            totals[TOTAL_ENERGY, lane] += state[block, ENERGY_COST, lane]
+            totals[TOTAL_FAILURE, lane] += state[block, FAILURE_COST, lane]
+            totals[TOTAL_SAFETY, lane] += state[block, SAFETY_COST, lane]
+        if counts and fate != DIVERGED:
+            heave = np.float64(abs(state[block, PAYLOAD_HEAVE, lane]))
+            totals[FARTHEST, lane] = max(totals[FARTHEST, lane], heave)
+            if cable:
+                lowest, highest = state[block, TENSION_MIN, lane], state[block, TENSION_MAX, lane]
+                totals[LOWEST, lane] = min(totals[LOWEST, lane], np.float64(lowest))
+                totals[HIGHEST, lane] = max(totals[HIGHEST, lane], np.float64(highest))
+    return running
+
+
+def _make(which: int, fingerprint: int):
+    """The loop over steps around one of the kernels, in the order of `KERNELS`."""
+
+    @njit(cache=True, nogil=True, error_model="numpy")
+    def march(
+        state, observation, actions, reward, outcome, share, position, n_steps, n_settling, given, widths,
+        parameters, cable, columns, record, totals,
+    ):  # fmt: skip
+        """Advances the rows of the blocks by many control steps.
+
+        Args:
+            state: The plant's state, (n_blocks, n_rows, n_lanes).
+            observation: What the kernel fills, (n_envs, n_observed).
+            actions: What the kernel reads, as long as all blocks together.
+            reward: What the kernel fills, (n_envs,).
+            outcome: What the kernel fills, (n_envs,).
+            share: What the kernel is told of: configuration, scratch block, first block and last, (4,).
+            position: Control steps that the batch has made.
+            n_steps: Control steps to make.
+            n_settling: How many of them count for nothing but a failure.
+            given: Fractions of the command range, (n_steps, n_envs); no rows under a policy.
+            widths: Widths of the policy's layers, observation first.
+            parameters: Of the policy, (n_blocks or 1, n_parameters, n_lanes), float32.
+            cable: Whether there are tensions.
+            columns: Channels to record.
+            record: Filled from its second instant on, (n_columns, n_steps + 1, n_envs).
+            totals: Filled, (N_TOTALS, n_envs).
+        """
+        if fingerprint == 0:
+            return
+        n_envs, n_observed = observation.shape
+        n_lanes = state.shape[2]
+        acts = len(given) == 0
+        own_share = share.copy()
+        widest = max(widths)
+        x, y = np.zeros((widest, n_lanes), np.float32), np.zeros((widest, n_lanes), np.float32)
+        own = np.zeros((N_TOTALS, n_lanes))
+        for block in range(share[SHARE_FIRST_BLOCK], share[SHARE_LAST_BLOCK]):
+            own_share[SHARE_FIRST_BLOCK], own_share[SHARE_LAST_BLOCK] = block, block + 1
+            first_row = block * n_lanes
+            n_rows = min(n_lanes, n_envs - first_row)
+            own[:] = 0.0
+            own[LOWEST], own[HIGHEST] = np.inf, -np.inf
+            for step in range(n_steps):
+                if acts:
+                    for lane in range(n_rows):
+                        for i in range(n_observed):
+                            x[i, lane] = observation[first_row + lane, i]
+                    # One set of parameters is everybody's.
+                    mine = min(block, len(parameters) - 1)
+                    _act(parameters[mine], widths, x, y, actions, first_row, n_rows, n_lanes)
+                else:
+                    for lane in range(n_rows):
+                        actions[first_row + lane] = given[step, first_row + lane]
+                # Only one of these is compiled.
+                if which == 0:
+                    _first(own_share.ctypes.data, position + step)
+                elif which == 1:
+                    _second(own_share.ctypes.data, position + step)
+                elif which == 2:
+                    _third(own_share.ctypes.data, position + step)
+                else:
+                    _fourth(own_share.ctypes.data, position + step)
+                for c in range(len(columns)):
+                    for lane in range(n_rows):
+                        record[c, step + 1, first_row + lane] = state[block, columns[c], lane]
+                counts = step >= n_settling
+                running = _add_up(state, block, n_rows, n_lanes, reward, outcome, counts, cable, own)
+                if running == 0 and len(columns) == 0:
+                    break
+            for total in range(N_TOTALS):
+                for lane in range(n_rows):
+                    totals[total, first_row + lane] = own[total, lane]
+        # The kernel reads this memory by its address alone: it must live until here.
+        own_share[SHARE_FIRST_BLOCK] = 0
+
+    return march
+
+
+LOOPS = {key: _make(which, source_fingerprint()) for which, key in enumerate(KERNELS)}
+"""The loop around each of `KERNELS`, by its key there."""
+for (_dtype, _n_lanes), _loop in LOOPS.items():
+    _of = "one environment" if _n_lanes == 1 else "a batch"
+    announce_compilation((_loop,), f"the loop over many steps of {_of} in {_dtype} (about 15 s)")

@@ -1,0 +1,211 @@
+"""Agents beside a designed controller: what they see and command, whole trainings, and the critic's truth."""
+
+from __future__ import annotations
+
+import json
+
+import numpy as np
+import pytest
+
+pytest.importorskip("stable_baselines3")
+
+import torch
+
+from agents import networks
+from agents.guide import guide_from_card, make_guide
+from agents.guided_env import GuidedVecEnv, surroundings
+from agents.policy import load_policy, policy_card
+from agents.presets import load_preset
+from agents.train import build_model, train, widened_groundwork
+from agents.vec_env import ScaledReward
+from baselines import design
+from heave_env import scenarios
+from heave_env.plant import truth_names
+from tests.agents.test_training import PPO, SMALL, interrupt_at, same_results
+
+LINEAR = scenarios.load("thesis_linear")
+LIMITS = scenarios.load("limits_linear")
+TUNED = {"command_weight": 1.8, "speed_weight": 178.0}
+"""Near enough to what tuning finds for lqg on `limits_linear`."""
+
+
+def card(mode: str = "residual", options: dict[str, float] | None = None) -> dict:
+    return {"controller": "lqg", "options": options or {}, "mode": mode, "reach": 0.1}
+
+
+@pytest.mark.parametrize(("scenario", "options"), [(LINEAR, {}), (LIMITS, TUNED)])
+@pytest.mark.parametrize("mode", ["residual", "estimate"])
+def test_doing_as_the_guide_does_is_the_guide(scenario, options, mode):
+    """Beside a guide, its own action gives the very episode that the controller drives alone."""
+    guide = guide_from_card(card(mode, options), scenario)
+    _, env = surroundings(scenario, 3, guide, privileged=False)
+    alone, own = surroundings(scenario, 3, None, privileged=False)
+    controller = design("lqg", scenario, **options) if options else design("lqg", scenario)
+    env.seed(5)
+    own.seed(5)
+    seen, observation = env.reset(), own.reset()
+    memory = None
+    n = len(scenario.observation_names)
+    for _ in range(60):
+        np.testing.assert_array_equal(seen[:, :n], observation)
+        action, memory = controller.predict(observation, memory)
+        assert isinstance(env, GuidedVecEnv)
+        env.step_async(env.own_action)
+        alone.step_async(action)
+        seen, reward, _, _ = env.step_wait()
+        observation, reward_alone, _, _ = alone.step_wait()
+        np.testing.assert_array_equal(reward, reward_alone)
+
+
+def test_the_guide_is_told_what_was_done():
+    """Its estimate stays right when the agent commands otherwise; a guide left in the dark would be wrong."""
+    guide = guide_from_card(card(), LINEAR)
+    batch, env = surroundings(LINEAR, 8, guide, privileged=False)
+    env.seed(1)
+    seen = env.reset()
+    rng = np.random.default_rng(0)
+    wrong = []
+    at = len(LINEAR.observation_names) + guide.feature_names.index("winch_displacement_estimate")
+    for step in range(600):
+        if step > 300:
+            wrong.append(seen[:, at] - batch.env.plant.channel("winch_displacement"))
+        env.step_async(rng.uniform(-1.0, 1.0, (8, 1)))
+        seen = env.step_wait()[0]
+    moved = batch.env.plant.channel("winch_displacement").std()
+    assert np.std(wrong) < 0.05 * max(moved, 0.05)
+
+
+def test_the_last_observation_of_an_episode_has_features_too():
+    guide = guide_from_card(card(), LINEAR)
+    _, env = surroundings(scenarios.with_value(LINEAR, "duration", 2.0), 2, guide, privileged=True)
+    env.seed(1)
+    first = env.reset()
+    for step in range(1, 25):
+        env.step_async(env.venv.own_action)  # type: ignore[union-attr]
+        seen, _, done, infos = env.step_wait()
+        assert done.all() == (step == 20)
+        if done.any():
+            last = infos[0]["terminal_observation"]
+            assert last.shape == first[0].shape
+            # A new sea began: the guide has forgotten the old one.
+            fresh = guide.look(seen[:, : len(LINEAR.observation_names)], np.zeros((2, guide.n_memory)))
+            n = len(LINEAR.observation_names)
+            np.testing.assert_array_equal(seen[:, n : n + fresh.features.shape[1]], fresh.features)
+            assert not np.array_equal(last[:n], seen[0, :n])
+
+
+def test_the_truth_is_the_plants():
+    scenario = scenarios.load("unknown_linear")
+    batch, env = surroundings(scenario, 4, None, privileged=True)
+    env.seed(2)
+    env.reset()
+    env.step_async(np.full((4, 1), 0.3))
+    seen = env.step_wait()[0]
+    truth = dict(zip(truth_names(scenario), seen[:, len(scenario.observation_names) :].T, strict=True))
+    plant = batch.env.plant
+    scale, offset = scenario.channel_scale("payload_heave")
+    expected = (plant.channel("payload_heave") - offset) / scale
+    np.testing.assert_allclose(truth["payload_heave"], expected, rtol=1e-6)
+    low, high = 0.7 * 0.8959, 1.3 * 0.8959
+    drawn = plant.drawn[:, 0]
+    np.testing.assert_allclose(
+        truth["linear_payload.inertia"], (drawn - low) / (high - low) * 2.0 - 1.0, atol=1e-5
+    )
+
+
+def test_the_actor_does_not_see_the_truth():
+    settings = load_preset("ppo", LIMITS, {**PPO, "guide": "lqg", "privileged_critic": True})
+    guide = guide_from_card(card(options=TUNED), LIMITS)
+    _, outer = surroundings(LIMITS, settings.n_envs, guide, privileged=True)
+    env = ScaledReward(outer, gamma=0.98)
+    ground = widened_groundwork(LIMITS, settings, guide, 0)
+    model = build_model(settings, env, ground, seed=0)
+    networks.set_linear_policy(model, np.linspace(-0.3, 0.3, len(ground.gain)))
+    env.seed(0)
+    seen = np.asarray(env.reset())
+    other = seen.copy()
+    n = ground.n_actor
+    assert n is not None and n < seen.shape[1]
+    other[:, n:] += 1.0
+    action, changed = (model.predict(rows, deterministic=True)[0] for rows in (seen, other))
+    np.testing.assert_array_equal(action, changed)
+    with torch.no_grad():
+        values = [model.policy.predict_values(torch.as_tensor(rows)).numpy() for rows in (seen, other)]
+    assert np.abs(values[0] - values[1]).max() > 1e-4
+    # The saved policy is the actor alone.
+    policy = networks.exported(model, policy_card(LIMITS, algorithm="ppo", guide=guide.card))
+    np.testing.assert_allclose(policy.act(seen[:, :n]), action, atol=1e-5)
+
+
+def guided(**changes):
+    return {**PPO, "guide": "lqg", "privileged_critic": True, **changes}
+
+
+@pytest.mark.parametrize("mode", ["residual", "estimate"])
+def test_a_guided_training_ends_in_a_policy_that_acts_alone(tmp_path, mode):
+    preset = guided(guide_mode=mode, warm_start=mode == "estimate", logarithmic_reward=True)
+    folder = train(LINEAR, out=tmp_path / "run", preset=preset, progress=False)
+    run = json.loads((folder / "run.json").read_text())
+    assert run["guide"]["controller"] == "lqg" and run["guide"]["mode"] == mode
+    policy = load_policy(folder, LINEAR)
+    assert policy.guide is not None
+    _, env = surroundings(policy.scenario, 3, policy.guide, privileged=False)
+    _, raw = surroundings(policy.scenario, 3, None, privileged=False)
+    env.seed(9)
+    raw.seed(9)
+    seen, observation = np.asarray(env.reset()), np.asarray(raw.reset())
+    memory = None
+    for _ in range(40):
+        action, memory = policy.predict(observation, memory)
+        env.step_async(policy.act(seen))
+        raw.step_async(action)
+        seen, observation = np.asarray(env.step_wait()[0]), np.asarray(raw.step_wait()[0])
+        np.testing.assert_allclose(seen[:, : observation.shape[1]], observation, atol=1e-5)
+    # One environment, and rows that begin anew.
+    single, after = policy.predict(observation[0], None)
+    assert single.shape == (1,) and after.shape == (1, policy.guide.n_memory)
+    begun, _ = policy.predict(observation, memory, episode_start=np.ones(3, dtype=bool))
+    np.testing.assert_allclose(begun[0], single, atol=1e-6)
+
+
+def test_a_resumed_guided_training_ends_with_the_same_bits(tmp_path, monkeypatch):
+    def trained(folder):
+        return train(LINEAR, seed=1, out=folder, preset=guided(), progress=False, save_every=0.0)
+
+    whole = trained(tmp_path / "whole")
+    interrupt_at(monkeypatch, SMALL["ppo"]["total_steps"] // 2)
+    with pytest.raises(KeyboardInterrupt):
+        trained(tmp_path / "parts")
+    same_results(trained(tmp_path / "parts"), whole)
+
+
+def test_a_guide_is_tuned_once_and_its_weights_are_kept():
+    guide = make_guide("lqg", LINEAR, mode="residual", reach=0.2)
+    again = guide_from_card(json.loads(json.dumps(guide.card)), LINEAR)
+    np.testing.assert_array_equal(guide.controller.gain, again.controller.gain)
+    assert again.reach == 0.2
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"guide": "nobody"}, "guide must be a designed controller"),
+        ({"guide": "pid"}, "has no Kalman filter"),
+        ({"guide_mode": "beside"}, "guide_mode must be one of residual, estimate"),
+        ({"guide_reach": 0.0}, "guide_reach must be"),
+    ],
+)
+def test_an_impossible_guide_is_refused(tmp_path, changes, words):
+    with pytest.raises(ValueError, match=words):
+        train(LINEAR, out=tmp_path / "run", preset={**guided(), **changes}, progress=False)
+
+
+def test_only_ppo_has_a_privileged_critic():
+    with pytest.raises(ValueError, match="privileged_critic must be false for every algorithm but ppo"):
+        load_preset("sac", LINEAR, {"privileged_critic": True})
+
+
+@pytest.mark.parametrize("kind", ["residual", "estimate"])
+def test_the_presets_by_kind_are_complete(kind):
+    settings = load_preset("ppo", LIMITS, kind)
+    assert settings.guide == "lqg" and settings.guide_mode == kind and settings.privileged_critic
