@@ -79,8 +79,8 @@ event.register("numba:compile", _notices)
 
 
 def announce_compilation(functions: Iterable[Any], name: str) -> None:
-    """Lets a line on stderr say when one of the compiled functions has to be compiled: once for all of the same
-    name together, and only if no cache has it.
+    """Lets a line on stderr say when one of the compiled functions has to be compiled: once for all of the
+    same name together, and only if no cache has it.
 
     Args:
         functions: Functions compiled by numba, kept as long as the process lives.

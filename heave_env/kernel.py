@@ -45,6 +45,7 @@ from heave_env.lanes import (
     minimum,
     n_lanes_of,
     negated,
+    store_across,
     unsigned_float,
     where,
     words_at,
@@ -744,11 +745,49 @@ def _measure(S, W, I, cfg, tables, slot, noise):
 
 
 @stage
-def _observe_row(S, cfg, row, observation, column, n_rows):
-    """Copies a row into a column of the observations of `n_rows` environments."""
+def _show_four(W, cfg, observation, first, n_rows):
+    """Copies the four values that wait into columns of the observations, from `first` on."""
+    if n_rows == n_lanes_of(W):
+        a, b = W[SHOWN + first % 4], W[SHOWN + (first + 1) % 4]
+        c, d = W[SHOWN + (first + 2) % 4], W[SHOWN + (first + 3) % 4]
+        a, b = converted(observation, a), converted(observation, b)
+        c, d = converted(observation, c), converted(observation, d)
+        store_across(observation, first, cfg[N_OBSERVED], a, b, c, d)
+    else:
+        for column in range(first, first + 4):
+            _show_one(W, cfg, observation, column, n_rows)
+
+
+@stage
+def _show_one(W, cfg, observation, column, n_rows):
     for number in range(n_rows):
-        value = lane_of(S, number)[row]
+        value = lane_of(W, number)[SHOWN + column % 4]
         observation[number * cfg[N_OBSERVED] + column] = converted(observation, value)
+
+
+def _show_value(W, cfg, observation, column, n_rows, value):
+    """Puts a value into its column of the observations, or keeps it until there are four."""
+
+
+@overload(_show_value, jit_options={"error_model": "numpy", "forceinline": True})
+def _show_value_of(W, cfg, observation, column, n_rows, value):
+    def show(W, cfg, observation, column, n_rows, value):
+        observation[column] = converted(observation, value)
+
+    def keep(W, cfg, observation, column, n_rows, value):
+        W[SHOWN + column % 4] = value
+        n_observed = cfg[N_OBSERVED]
+        if column % 4 == 3:
+            _show_four(W, cfg, observation, column - 3, n_rows)
+        elif column + 1 == n_observed:
+            # The last four once more, with what is left over among them.
+            if n_observed >= 4:
+                _show_four(W, cfg, observation, n_observed - 4, n_rows)
+            else:
+                for last in range(n_observed):
+                    _show_one(W, cfg, observation, last, n_rows)
+
+    return show if W.n_lanes == 1 else keep
 
 
 @stage
@@ -760,17 +799,17 @@ def _observe(S, W, cfg, slot, command_slot, observation, n_rows):
         lag = cfg[N_CONFIGURATION + 2 * n + i]
         for s in range(n):
             past = _before(slot, lag + cfg[N_CONFIGURATION + 2 * s + 1], ring)
-            _observe_row(S, cfg, cfg[ROW_SENSORS] + past * n + s, observation, column, n_rows)
+            _show_value(W, cfg, observation, column, n_rows, S[cfg[ROW_SENSORS] + past * n + s])
             column += 1
     for i in range(cfg[SHOWN_FILTER_STATES]):
-        _observe_row(S, cfg, cfg[ROW_FILTER] + i, observation, column, n_rows)
+        _show_value(W, cfg, observation, column, n_rows, S[cfg[ROW_FILTER] + i])
         column += 1
     for i in range(cfg[SHOWS_DRAWS] * cfg[N_DRAWS]):
-        _observe_row(S, cfg, cfg[ROW_DRAWS] + i, observation, column, n_rows)
+        _show_value(W, cfg, observation, column, n_rows, S[cfg[ROW_DRAWS] + i])
         column += 1
     for i in range(cfg[N_SHOWN_PENDING]):
-        W[SHOWN] = S[cfg[ROW_COMMANDS] + _before(command_slot, i, commands)] / S[COMMAND_RANGE]
-        _observe_row(W, cfg, SHOWN, observation, column, n_rows)
+        given = S[cfg[ROW_COMMANDS] + _before(command_slot, i, commands)]
+        _show_value(W, cfg, observation, column, n_rows, given / S[COMMAND_RANGE])
         column += 1
 
 

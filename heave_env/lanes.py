@@ -598,6 +598,37 @@ def lane(typing_context, values, number):
 
 
 @intrinsic
+def store_across(typing_context, numbers, first, stride, a, b, c, d):
+    """Stores four values of float32 lane by lane: those of each lane side by side at `numbers[first]`, the next
+    lane's `stride` further on."""
+    if not (isinstance(numbers, Block) and isinstance(a, Lanes) and a.dtype == types.float32):
+        return None
+    if any(other != a for other in (b, c, d)):
+        return None
+
+    def generate(context, builder, called, values):
+        place = context.cast(builder, values[1], called.args[1], types.intp)
+        apart = context.cast(builder, values[2], called.args[2], types.intp)
+        n_lanes, whole = a.n_lanes, ir.IntType(32)
+
+        def places(numbers: list[int]) -> Any:
+            return ir.Constant(ir.VectorType(whole, len(numbers)), numbers)
+
+        in_turn = [i + n_lanes * side for i in range(n_lanes) for side in (0, 1)]
+        pairs = [builder.shuffle_vector(*values[i : i + 2], places(in_turn)) for i in (3, 5)]
+        four = ir.VectorType(_MACHINE[types.float32], 4).as_pointer()
+        for i in range(n_lanes):
+            chosen = [2 * i, 2 * i + 1, 2 * n_lanes + 2 * i, 2 * n_lanes + 2 * i + 1]
+            beside = builder.shuffle_vector(*pairs, places(chosen))
+            target = builder.bitcast(builder.gep(values[0], [place], inbounds=True), four)
+            builder.store(beside, target, align=4)
+            place = builder.add(place, apart, flags=("nsw",))
+        return context.get_dummy_value()
+
+    return types.none(numbers, first, stride, a, b, c, d), generate
+
+
+@intrinsic
 def align_stack(typing_context):
     """Has the function that it stands in keep its stack on cache lines.
 

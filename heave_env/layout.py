@@ -159,9 +159,9 @@ PER_MID_SPACING = 24
 RELAXING_SHARE = 25
 LINEAR_GAP = 26
 WINCH_GAP = 27
-SHOWN = 28
-STEP_MOVED = 29
-N_SCRATCH = 30
+STEP_MOVED = 28
+SHOWN = 29  # four rows
+N_SCRATCH = 33
 
 # Fields of a node in the scratch block; what is called tension and stiffness belongs to the element below.
 SUPER = 0

@@ -113,16 +113,16 @@ _SETTLED = 1e-9  # change of a velocity within an iteration, relative to the fas
 @stage
 def _begin_step(S, W, n_elements):
     """What the step's two lengths fix once for all iterations: convection, mass, drag, weight, spacings."""
-    h, one = constant(S, 1.0 / n_elements), constant(S, 1.0)
+    h, n, one = constant(S, 1.0 / n_elements), constant(S, float(n_elements)), constant(S, 1.0)
     old, new = W[LENGTH_OLD], S[LENGTH]
     middle = constant(S, 0.5) * (old + new)
-    spacing = h * middle
-    W[CONVECTION] = W[LENGTH_SPEED] / middle
+    spacing, per_middle = h * middle, one / middle
+    W[CONVECTION] = W[LENGTH_SPEED] * per_middle
     W[NODE_MASS] = S[CABLE_INERTIA] * spacing
     W[NODE_DRAG] = S[CABLE_DRAG] * spacing
     W[NODE_WEIGHT] = S[CABLE_WEIGHT] * spacing
-    W[PER_OLD_SPACING] = one / (h * old)
-    W[PER_MID_SPACING] = one / spacing
+    W[PER_OLD_SPACING] = n / old
+    W[PER_MID_SPACING] = n * per_middle
 
 
 @stage
