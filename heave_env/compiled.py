@@ -66,9 +66,11 @@ class _Notices(event.Listener):
         # Workers of a vector environment would each say it.
         if name is None or multiprocessing.parent_process() is not None:
             return
-        if name not in self._said:
-            self._said.add(name)
-            print(f"heave_env: compiling {name}, this once; it is kept on disk", file=sys.stderr, flush=True)
+        precision = getattr(event.data["args"][0], "dtype", None)
+        said = name if precision is None else f"{name} in {precision}"
+        if said not in self._said:
+            self._said.add(said)
+            print(f"heave_env: compiling {said}, this once; it is kept on disk", file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
         pass
@@ -80,7 +82,7 @@ event.register("numba:compile", _notices)
 
 def announce_compilation(functions: Iterable[Any], name: str) -> None:
     """Lets a line on stderr say when one of the compiled functions has to be compiled: once for all of the
-    same name together, and only if no cache has it.
+    same name together (in each precision, if the first argument is an array), and only if no cache has it.
 
     Args:
         functions: Functions compiled by numba, kept as long as the process lives.

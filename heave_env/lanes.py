@@ -599,8 +599,8 @@ def lane(typing_context, values, number):
 
 @intrinsic
 def store_across(typing_context, numbers, first, stride, a, b, c, d):
-    """Stores four values of float32 lane by lane: those of each lane side by side at `numbers[first]`, the next
-    lane's `stride` further on."""
+    """Stores four values of float32 lane by lane: those of a lane side by side, from `numbers[first]` on,
+    those of the next `stride` further on."""
     if not (isinstance(numbers, Block) and isinstance(a, Lanes) and a.dtype == types.float32):
         return None
     if any(other != a for other in (b, c, d)):

@@ -193,6 +193,6 @@ def _make(which: int, fingerprint: int):
 
 LOOPS = {key: _make(which, source_fingerprint()) for which, key in enumerate(KERNELS)}
 """The loop around each of `KERNELS`, by its key there."""
-for (_dtype, _n_lanes), _loop in LOOPS.items():
+for (_, _n_lanes), _loop in LOOPS.items():
     _of = "one environment" if _n_lanes == 1 else "a batch"
-    announce_compilation((_loop,), f"the loop over many steps of {_of} in {_dtype} (about 15 s)")
+    announce_compilation((_loop,), f"the loop over many steps of {_of} (about 15 s)")
