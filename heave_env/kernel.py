@@ -238,20 +238,22 @@ _DROPOUT, _ERRORS = 4096, 1 << 20
 
 
 @stage
-def _four_normals(W, rows, seed, episode, stream, step, quad):
-    """Leaves four standard normal numbers of an address in as many rows."""
-    a, b, c, d = philox(seed, episode, stream, step, quad)
+def _four_normals(W, rows, words, n_wanted):
+    """Leaves four standard normal numbers, or two if no more are wanted, of random words in as many rows."""
+    a, b, c, d = words
     W[rows], W[rows + 1] = normal_pair(W, a, b)
-    W[rows + 2], W[rows + 3] = normal_pair(W, c, d)
+    if n_wanted > 2:
+        W[rows + 2], W[rows + 3] = normal_pair(W, c, d)
 
 
 @stage
 def _draw_side_by_side(W, I, rows, n_first, first_stream, n_second, second_stream, ahead):
     """`_draw_normals` of a single environment: its quads take the lanes."""
-    for begin in range(0, n_first + n_second, 4):
+    n_quads, n_all = (n_first + 3) // 4, (n_first + 3) // 4 + (n_second + 3) // 4
+    for begin in range(0, n_all, 4):
         number = counting(4)
         number = number + constant(number, begin)
-        count = constant(number, n_first)
+        count = constant(number, n_quads)
         is_second = number >= count
         quad = where(is_second, number - count, number)
         stream = where(is_second, constant(number, second_stream), constant(number, first_stream))
@@ -261,29 +263,43 @@ def _draw_side_by_side(W, I, rows, n_first, first_stream, n_second, second_strea
         a, b, c, d = philox(seed, episode, stream, step, quad)
         z0, z1 = normal_pair(W, a, b)
         z2, z3 = normal_pair(W, c, d)
-        for i in range(min(4, n_first + n_second - begin)):
+        for i in range(min(4, n_all - begin)):
             at = rows + 4 * (begin + i)
             W[at], W[at + 1], W[at + 2], W[at + 3] = lane(z0, i), lane(z1, i), lane(z2, i), lane(z3, i)
 
 
 @stage
+def _words(I, number, n_quads, first_stream, second_stream, ahead):
+    """Words of the quad `number`, counted on from the first stream to the second."""
+    is_second = number >= n_quads
+    stream = constant(I, second_stream if is_second else first_stream)
+    step = I[STEP] + constant(I, ahead if is_second else 0)
+    quad = constant(I, number - n_quads if is_second else number)
+    return philox(I[SEED], I[EPISODE], stream, step, quad)
+
+
+@stage
 def _draw_lane_by_lane(W, I, rows, n_first, first_stream, n_second, second_stream, ahead):
     """`_draw_normals` of a batch, some lanes at a time, so that the words find room in the registers."""
+    n_quads, n_all = (n_first + 3) // 4, (n_first + 3) // 4 + (n_second + 3) // 4
+    n_last = n_second - 4 * (n_all - n_quads - 1) if n_second > 0 else 4
     for begin in range(0, n_lanes_of(I), _DRAWN_LANES):
         own, into = lanes_of(I, begin, _DRAWN_LANES), lanes_of(W, begin, _DRAWN_LANES)
-        seed, episode, step = own[SEED], own[EPISODE], own[STEP]
-        for quad in range(n_first):
-            stream, index = constant(own, first_stream), constant(own, quad)
-            _four_normals(into, rows + 4 * quad, seed, episode, stream, step, index)
-        for quad in range(n_second):
-            stream, index = constant(own, second_stream), constant(own, quad)
-            later = step + constant(own, ahead)
-            _four_normals(into, rows + 4 * (n_first + quad), seed, episode, stream, later, index)
+        # Two at a time share the sequence of keys, and the one fills the other's waits.
+        for number in range(0, n_all - 1, 2):
+            words = _words(own, number, n_quads, first_stream, second_stream, ahead)
+            others = _words(own, number + 1, n_quads, first_stream, second_stream, ahead)
+            _four_normals(into, rows + 4 * number, words, 4)
+            _four_normals(into, rows + 4 * number + 4, others, n_last if number + 2 == n_all else 4)
+        if n_all % 2 == 1:
+            words = _words(own, n_all - 1, n_quads, first_stream, second_stream, ahead)
+            _four_normals(into, rows + 4 * n_all - 4, words, n_last)
 
 
 def _draw_normals(W, I, rows, n_first, first_stream, n_second, second_stream, ahead):
-    """Fills rows with standard normal numbers, four to a quad: first those of this step and one stream, then
-    those of the step `ahead` and another."""
+    """Fills rows with so many standard normal numbers of this step and one stream, and then with so many of
+    the step `ahead` and another. Four numbers make a quad, with an address of its own; each of the two begins
+    with a new one."""
 
 
 @overload(_draw_normals, jit_options={"error_model": "numpy", "forceinline": True})
@@ -294,11 +310,6 @@ def _draw_normals_of(W, I, rows, n_first, first_stream, n_second, second_stream,
         drawn(W, I, rows, n_first, first_stream, n_second, second_stream, ahead)
 
     return draw
-
-
-@stage
-def _n_sea_quads(cfg):
-    return (cfg[N_FILTER] + 3) // 4 if cfg[SEA_KIND] == FILTERED else 0
 
 
 @stage
@@ -345,7 +356,7 @@ def _begin_filter(S, W, I, cfg, tables):
     """Draws one lane's filter state from the stationary distribution."""
     n, states, noise = cfg[N_FILTER], cfg[ROW_FILTER], cfg[WORK_NOISE]
     shared, own = cfg[AT_FILTER] + 2 * n * n, cfg[ROW_SEA] + 2 * n * n
-    _draw_normals(W, I, noise, _n_sea_quads(cfg), INITIAL, 0, INITIAL, 0)
+    _draw_normals(W, I, noise, n, INITIAL, 0, INITIAL, 0)
     for i in range(n):
         state = constant(S, 0.0)
         for j in range(i + 1):
@@ -881,7 +892,7 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
         control_dt = tables[CONTROL_DT]
         command_slot = position % (cfg[N_PENDING] + 1)
         slot = (position + 1) % cfg[SENSOR_RING]
-        n_sea_quads = _n_sea_quads(cfg)
+        n_sea = cfg[N_FILTER] if cfg[SEA_KIND] == FILTERED else 0
         zero, one = constant(W, 0.0), constant(W, 1.0)
         for block in range(integers_at(share)[SHARE_FIRST_BLOCK], integers_at(share)[SHARE_LAST_BLOCK]):
             S = block_at(
@@ -903,7 +914,7 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
             S[TENSION_MIN], S[TENSION_MAX] = constant(S, np.inf), constant(S, -np.inf)
             W[STEP_WORK], W[STEP_SUPPLY], W[STEP_MOVED] = zero, zero, zero
             noise = cfg[WORK_NOISE]
-            _draw_normals(W, I, noise, n_sea_quads, SEA, (n_sensors + 3) // 4, SENSORS, 1)
+            _draw_normals(W, I, noise, n_sea, SEA, n_sensors, SENSORS, 1)
             if cfg[SEA_KIND] == FILTERED:
                 _filter_step(S, W, cfg, tables)
             elif cfg[SEA_KIND] == SINUSOIDS:
@@ -921,7 +932,7 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
             outcome = words_at(cfg[ADDRESS_OUTCOME] + first_row * 8, n_lanes, plain)
             _charge(S, W, I, cfg, reward, outcome)
             I[STEP] = I[STEP] + constant(I, 1)
-            _measure(S, W, I, cfg, tables, slot, noise + 4 * n_sea_quads)
+            _measure(S, W, I, cfg, tables, slot, noise + (n_sea + 3) // 4 * 4)
             observation = block_at(cfg[ADDRESS_OBSERVATION] + first_row * cfg[N_OBSERVED] * 4, 1, 1, 0)
             _observe(S, W, cfg, slot, command_slot, observation, n_rows)
 
@@ -992,7 +1003,7 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
                 _begin_sensors(S, I, cfg, tables)
             # Before the episode the sensors are taken to have read what they read now.
             n = cfg[N_SENSORS]
-            _draw_normals(W, I, cfg[WORK_NOISE], 0, SENSORS, (n + 3) // 4, SENSORS, 0)
+            _draw_normals(W, I, cfg[WORK_NOISE], 0, SENSORS, n, SENSORS, 0)
             _measure(S, W, I, cfg, tables, slot, cfg[WORK_NOISE])
             for past in range(cfg[SENSOR_RING]):
                 for s in range(n):

@@ -8,7 +8,7 @@ twin of every batch. `lane_of` looks at one lane of a wide block in that way, fo
 The values take + - * / and comparisons (which give masks, joined by & | ^), `negated`, `where`, `minimum`,
 `maximum`, `absolute`, `square_root`, `floor`, and `fused` for a x + b with one rounding. Each lane meets the
 IEEE operation itself, never reassociated, whatever the number of lanes: that makes single and batch equal to
-the last bit. Beside floats there are unsigned 64-bit lanes, for random words.
+the last bit. Beside floats there are unsigned words of 64 and 32 bits, for random numbers.
 
 Compilers make vectors of loops when they can prove that it is safe; here they are LLVM vectors by
 construction. Blocks made `plain` compute the same in loops over the lanes: tests hold one to the other.
@@ -54,6 +54,7 @@ _MACHINE = {
     types.float32: ir.FloatType(),
     types.float64: ir.DoubleType(),
     types.uint64: ir.IntType(64),
+    types.uint32: ir.IntType(32),
     types.int64: ir.IntType(64),
     types.boolean: ir.IntType(1),
 }
@@ -129,6 +130,8 @@ def _machine_call(name: str) -> Callable[..., Any]:
     return call
 
 
+_WORDS = (types.uint64, types.uint32)
+
 # Operators -------------------------------------------------------------------------------------------
 
 
@@ -157,7 +160,7 @@ def _add_operator(symbol: Any, typed: Callable[[Lanes], Lanes | None], made: Cal
 
 def _arithmetic(symbol: Any, of_floats: str | None, of_words: str | None) -> None:
     def typed(kind: Lanes) -> Lanes | None:
-        name = of_floats if _is_float(kind) else of_words if kind.dtype == types.uint64 else None
+        name = of_floats if _is_float(kind) else of_words if kind.dtype in _WORDS else None
         return None if name is None else kind
 
     def made(kind: Lanes) -> Any:
@@ -486,7 +489,7 @@ def any_of(typing_context, mask):
 def _to_float(like: types.Type, words: types.Type, operation: Callable[..., Any]) -> Any:
     """Types and generates a conversion of words to floats of the precision of `like`."""
     dtype = _number_type(like)
-    if _number_type(words) != types.uint64 or not _is_float(dtype):
+    if _number_type(words) not in _WORDS or not _is_float(dtype):
         return None
     kind = _values(words, dtype)
 
@@ -497,7 +500,9 @@ def _to_float(like: types.Type, words: types.Type, operation: Callable[..., Any]
             def shaped(element: ir.Type) -> ir.Type:
                 return ir.VectorType(element, word.type.count) if many else element
 
-            return operation(build, word, shaped(ir.IntType(32)), shaped(_MACHINE[dtype]))
+            half = shaped(ir.IntType(32))
+            low = word if word.type == half else build.trunc(word, half)
+            return operation(build, low, shaped(_MACHINE[dtype]))
 
         return _each(builder, kind, of_each, values[1])
 
@@ -505,15 +510,30 @@ def _to_float(like: types.Type, words: types.Type, operation: Callable[..., Any]
 
 
 @intrinsic
+def low_halves(typing_context, words):
+    """The low 32 bits of words: lanes of 32 bits, or of a plain word a plain word."""
+    if _number_type(words) != types.uint64:
+        return None
+    kind = Lanes(types.uint32, words.n_lanes, words.plain) if isinstance(words, Lanes) else words
+
+    def generate(context, builder, called, values):
+        if kind == words:
+            return builder.and_(values[0], ir.Constant(ir.IntType(64), 0xFFFFFFFF))
+        return builder.trunc(values[0], _machine_type(kind))
+
+    return kind(words), generate
+
+
+@intrinsic
 def unsigned_float(typing_context, like, words):
     """The float of the low 32 bits of words, taken as a number from 0 on, in the precision of `like`."""
-    return _to_float(like, words, lambda build, word, half, real: build.uitofp(build.trunc(word, half), real))
+    return _to_float(like, words, lambda build, low, real: build.uitofp(low, real))
 
 
 @intrinsic
 def signed_float(typing_context, like, words):
     """The float of the low 32 bits of words, taken as two's complement, in the precision of `like`."""
-    return _to_float(like, words, lambda build, word, half, real: build.sitofp(build.trunc(word, half), real))
+    return _to_float(like, words, lambda build, low, real: build.sitofp(low, real))
 
 
 def _of_parts(a: types.Type, operation: Callable[..., Any]) -> Any:

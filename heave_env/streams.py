@@ -23,6 +23,7 @@ from heave_env.lanes import (
     floor,
     fused,
     is_single,
+    low_halves,
     mantissa_of,
     signed_float,
     square_root,
@@ -42,7 +43,7 @@ _LN2 = math.log(2.0)
 
 @stage
 def philox(seed, episode, stream, step, index):
-    """Four independent 32-bit words at an address, as uint64."""
+    """Four independent 32-bit words at an address: lanes of 32 bits, plain numbers as uint64."""
     word, half_word = constant(seed, _WORD), constant(seed, 32)
     multiplier_0, multiplier_1 = constant(seed, _MULTIPLIER_0), constant(seed, _MULTIPLIER_1)
     weyl_0, weyl_1 = constant(seed, _WEYL_0), constant(seed, _WEYL_1)
@@ -54,7 +55,7 @@ def philox(seed, episode, stream, step, index):
         p0, p1 = multiplier_0 * (c0 & word), multiplier_1 * (c2 & word)
         c0, c1, c2, c3 = (p1 >> half_word) ^ c1 ^ k0, p1, (p0 >> half_word) ^ c3 ^ k1, p0
         k0, k1 = k0 + weyl_0, k1 + weyl_1
-    return c0 & word, c1 & word, c2 & word, c3 & word
+    return low_halves(c0), low_halves(c1), low_halves(c2), low_halves(c3)
 
 
 @stage
@@ -75,17 +76,30 @@ def uniform_number(seed, episode, stream, index):
 
 @stage
 def logarithm(x):
-    """ln x of a positive normal number, within 2 ulp: ln m = 2 artanh((m-1)/(m+1))."""
+    """ln x of a positive normal number, within 2 ulp.
+
+    In double precision ln m = 2 artanh((m-1)/(m+1)). In single precision, to spare the division, a polynomial
+    P of least error in ln(1 + f) = f - f²/2 + f³ P(f).
+    """
     one = constant(x, 1.0)
     exponent, mantissa = exponent_of(x), mantissa_of(x)
     large = mantissa > constant(x, 1.4142135623730951)
     mantissa = where(large, constant(x, 0.5) * mantissa, mantissa)
     exponent = where(large, exponent + one, exponent)
-    s = (mantissa - one) / (mantissa + one)
-    q = s * s
     if is_single(x):
-        series = constant(x, 1.0 / 9.0)
+        f = mantissa - one
+        q = f * f
+        series = constant(x, 0.08700419477239163)
+        series = fused(series, f, constant(x, -0.14267489005257603))
+        series = fused(series, f, constant(x, 0.14914772906245047))
+        series = fused(series, f, constant(x, -0.16577584160466374))
+        series = fused(series, f, constant(x, 0.19963063397935152))
+        series = fused(series, f, constant(x, -0.2500133707331955))
+        series = fused(series, f, constant(x, 0.33333910743645695))
+        result = fused(f * q, series, fused(constant(x, -0.5), q, f))
     else:
+        s = (mantissa - one) / (mantissa + one)
+        q = s * s
         series = constant(x, 1.0 / 21.0)
         series = fused(series, q, constant(x, 1.0 / 19.0))
         series = fused(series, q, constant(x, 1.0 / 17.0))
@@ -93,11 +107,12 @@ def logarithm(x):
         series = fused(series, q, constant(x, 1.0 / 13.0))
         series = fused(series, q, constant(x, 1.0 / 11.0))
         series = fused(series, q, constant(x, 1.0 / 9.0))
-    series = fused(series, q, constant(x, 1.0 / 7.0))
-    series = fused(series, q, constant(x, 1.0 / 5.0))
-    series = fused(series, q, constant(x, 1.0 / 3.0))
-    s = s + s
-    return fused(exponent, constant(x, _LN2), fused(s * q, series, s))
+        series = fused(series, q, constant(x, 1.0 / 7.0))
+        series = fused(series, q, constant(x, 1.0 / 5.0))
+        series = fused(series, q, constant(x, 1.0 / 3.0))
+        s = s + s
+        result = fused(s * q, series, s)
+    return fused(exponent, constant(x, _LN2), result)
 
 
 @stage
