@@ -5,8 +5,10 @@ does not do for motion of the sea. Here the drum is reckoned with its limits fro
 (`baselines.winch_model`), and the payload's prior is driven by the path that the drum really takes. Without
 limits both filters are the same to rounding.
 
-Limits of power and torque depend on the sheave's tension: that of the newest sample where the scenario has
-such a sensor, else that of the cable hanging still.
+Limits of power and torque depend on the sheave's tension. A power limit is reckoned with the newest sample
+where the scenario has such a sensor, else with the tension of the cable hanging still; a torque limit with
+the latter, for a drum that accelerates changes the tension within the step, and who planned with the sample
+was the dearer for it.
 
 Memory of a row: the prior estimate, the drum's rate, and the control steps since the episode began.
 """
@@ -39,7 +41,7 @@ class Estimator:
     boom_tip_rate: Array
     """Row that reads the boom tip's heave rate off the state, (n_states,)."""
     reads_tension: bool = False
-    """Whether the sheave's tension is measured, and matters to the winch."""
+    """Whether the sheave's tension is measured, and what the winch's limits are reckoned with."""
 
     @property
     def n_memory(self) -> int:
@@ -151,5 +153,7 @@ def estimator(scenario: Scenario, *, mismatch: float = 1.0) -> Estimator:
         forcing=payload_forcing(scenario, scenario.n_substeps),
         begins_compensated=scenario.start == "compensated",
         boom_tip_rate=row,
-        reads_tension=winch.feels_tension and "sheave_tension" in scenario.observation_names,
+        reads_tension=scenario.winch.power_limit is not None
+        and scenario.winch.torque_limit is None
+        and "sheave_tension" in scenario.observation_names,
     )

@@ -148,6 +148,17 @@ def _native(environment_id: str, num_envs: int, **options: Any) -> Stepper:
     )
 
 
+def _usable(package: str) -> bool:
+    """Whether a yardstick's package can be imported; one that lacks parts of its own cannot."""
+    if importlib.util.find_spec(package) is None:
+        return False
+    try:
+        importlib.import_module(package)
+    except Exception:  # whatever a package without its files raises
+        return False
+    return True
+
+
 def _envpool_cartpole(num_envs: int) -> Stepper:
     import envpool  # type: ignore[import-not-found]
 
@@ -257,7 +268,7 @@ def cases() -> list[Case]:
     many, longest = BATCHES[-1], variants[ELEMENTS[-1]]
     name = f"{ELEMENTS[-1]} elements"
     own = {"scenario": longest, "dtype": "float32"}
-    if importlib.util.find_spec("envpool") is not None:
+    if _usable("envpool"):
         found += [
             Case(
                 f"batch of {num_envs}, float32, full info, {name}",
@@ -562,8 +573,8 @@ def measure(
     except ModuleNotFoundError as error:
         notes.append(f"no training was measured: the package {error.name!r} is not installed")
     for package, name in (("envpool", "EnvPool"), ("moordyn", "MoorDyn")):
-        if importlib.util.find_spec(package) is None:
-            notes.append(f"{name} is not installed: its yardstick was left out")
+        if not _usable(package):
+            notes.append(f"{name} is not installed, or not whole: its yardstick was left out")
     return {
         "kind": "benchmark",
         "scenario": {"name": SCENARIO, "fingerprint": load(SCENARIO).fingerprint},
@@ -614,8 +625,8 @@ def _machine_lines(found: dict[str, Any]) -> list[str]:
         f"{1e3 * giga['kernel_steps']:.2f} million steps/s: {giga['kernel_flops']:.1f} GFLOP/s at "
         f"{FLOPS_PER_NODE} operations per node and solver step, {machine['share_of_flops']:.0%} of that; its "
         f"{machine['state_bytes']:.0f} bytes of state per environment, read and written once, are "
-        f"{machine['share_of_copying'] * giga['copied_bytes']:.1f} GB/s, {machine['share_of_copying']:.0%} of "
-        "the copying: more than all of it where the batch fits into the cache.",
+        f"{machine['share_of_copying'] * giga['copied_bytes']:.1f} GB/s, {machine['share_of_copying']:.0%} "
+        "of the copying: more than all of it where the batch fits into the cache.",
         f"A fresh process, the kernel on disk: import {found['start']['import_seconds']:.2f} s, first step "
         f"{found['start']['first_step_seconds']:.2f} s after its beginning.",
     ]

@@ -158,6 +158,11 @@ def parser() -> Parser:
     _add_scenario(train)
     _add_set(train)
     train.add_argument("--algorithm", choices=ALGORITHMS, default="ppo", help="learning algorithm (ppo)")
+    train.add_argument(
+        "--preset",
+        metavar="KIND|FILE",
+        help="residual or estimate, beside a designed controller, or a YAML file of settings (from sensors)",
+    )
     train.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the training (0)")
     train.add_argument("--steps", type=_count, metavar="N", help="environment steps (the preset's)")
     train.add_argument("--out", metavar="DIR", help="run folder (runs/SCENARIO-ALGORITHM-SEED)")
@@ -328,7 +333,9 @@ def parser() -> Parser:
         "heave bench --json bench.json",
     )
     bench.add_argument("--json", metavar="FILE", help="write every figure with its yardstick and ratio")
-    bench.add_argument("--markdown", action="store_true", help="print the tables as docs/benchmark.md has them")
+    bench.add_argument(
+        "--markdown", action="store_true", help="print the tables as docs/benchmark.md has them"
+    )
     bench.add_argument("--lines", action="store_true", help="the line in three dimensions beside MoorDyn")
     bench.add_argument(
         "--gpu",
@@ -735,7 +742,12 @@ def _train(options: argparse.Namespace) -> None:
 
     scenario = scenario_of(options.scenario, options.settings)
     run = train(
-        scenario, algorithm=options.algorithm, seed=options.seed, total_steps=options.steps, out=options.out
+        scenario,
+        algorithm=options.algorithm,
+        seed=options.seed,
+        total_steps=options.steps,
+        out=options.out,
+        preset=options.preset,
     )
     print(
         f"{run}: compare it with\n"
@@ -814,7 +826,9 @@ def _print_tables(out: Path) -> None:
             )
         console.print(table)
         for label, cost in item.get("oracles", {}).items():
-            console.print(f"yardstick {label}, who knows what each episode drew: cost J {with_interval(cost)}")
+            console.print(
+                f"yardstick {label}, who knows what each episode drew: cost J {with_interval(cost)}"
+            )
         if item["warm_up"] < WARM_UP or item["scored"] < SCORED:
             console.print(
                 f"The episode is shorter than the protocol's {WARM_UP + SCORED:g} s: {item['scored']:g} s "

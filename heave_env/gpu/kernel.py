@@ -145,7 +145,8 @@ def warp() -> Any:
         import warp as wp
     except ModuleNotFoundError as error:
         raise ModuleNotFoundError(
-            "the GPU plant needs NVIDIA Warp, which is not installed: pip install 'heave-env[gpu]'"
+            "the GPU plant needs NVIDIA Warp, which is not installed: pip install 'heave-env[gpu]'",
+            name="warp-lang",
         ) from error
     wp.config.log_level = max(wp.config.log_level, wp.LOG_WARNING)  # what it compiles is not news
     wp.init()

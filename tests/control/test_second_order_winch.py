@@ -7,7 +7,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from baselines import DESIGNERS
+from baselines import DESIGNERS, design
 from baselines.clairvoyant import clairvoyant_cost
 from baselines.lqg import lqg
 from baselines.model import linear_model
@@ -126,6 +126,61 @@ def test_nobody_is_cheaper_than_who_knows_the_sea():
     assert np.all(least < causal * 1.2)
     assert least.mean() == pytest.approx(causal, rel=0.02)
     assert least.mean() < causal
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("acceleration_limit", [0.25, None])
+def test_within_limits_tuned_predictive_control_is_the_cheaper(acceleration_limit):
+    rough = load("limits_linear")
+    drive = dataclasses.replace(DRIVE, speed_limit=0.265, acceleration_limit=acceleration_limit)
+    scenario = dataclasses.replace(rough, winch=drive)
+    costs = {kind: mean_cost(scenario, design(kind, scenario), 32)[0] for kind in ("lqg", "mpc")}
+    least = clairvoyant_cost(scenario, range(20_000_000, 20_000_004)).mean()
+    ratio = costs["mpc"] / costs["lqg"]
+    print(f"\n{acceleration_limit} m/s2: {costs}, ratio {ratio:.3f}; clairvoyant, 4 seas {least:.3f}")
+    assert costs["mpc"] < 0.83 * costs["lqg"]
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize(
+    "limit", ["power", "power, tension measured", "torque", "dead band", "dead band of a drive"]
+)
+def test_tuned_predictive_control_copes_with_what_else_a_winch_has(limit):
+    scenario = load("sea_state_5")
+    changes = {
+        "power": {"power_limit": 1.2e4},
+        "torque": {"torque_limit": 1.1e5, "drum_radius": 1.0, "drum_inertia": 6e4},
+        "dead band": {"dead_band": 0.2, "command_step": 0.05},
+    }[limit.split(",")[0].removesuffix(" of a drive")]
+    if limit.startswith("dead band"):
+        scenario = dataclasses.replace(load("limits_linear"), duration=250.0)
+        lag = (
+            {}
+            if "drive" not in limit
+            else {"time_constant": None, "natural_omega": 1.5, "damping_ratio": 0.5}
+        )
+        changes = changes | lag | {"speed_limit": None, "acceleration_limit": None}
+    if "measured" in limit:
+        load_cell = Sensor(channel="sheave_tension", noise_std=500.0)
+        scenario = dataclasses.replace(scenario, sensors=(*scenario.sensors, load_cell))
+    scenario = dataclasses.replace(scenario, winch=dataclasses.replace(scenario.winch, **changes))
+    found = {kind: design(kind, scenario) for kind in ("lqg", "mpc")}
+    assert ("sheave_tension" in found["mpc"].measures) == ("measured" in limit)
+    n_steps = scenario.n_steps
+    costs = {kind: mean_cost(scenario, controller, 16, n_steps)[0] for kind, controller in found.items()}
+    print(f"\n{limit}: {costs}, ratio {costs['mpc'] / costs['lqg']:.3f}")
+    assert costs["mpc"] < 1.005 * costs["lqg"]
+    if limit.startswith("dead band"):
+        # Sent as they are, the same commands would come out otherwise.
+        plain = dataclasses.replace(
+            found["lqg"].estimator.winch, parameters=found["lqg"].estimator.winch.even.parameters
+        )
+        unshaped = dataclasses.replace(
+            found["lqg"], estimator=dataclasses.replace(found["lqg"].estimator, winch=plain)
+        )
+        careless, _ = mean_cost(scenario, unshaped, 16, n_steps)
+        print(f"neither reckoned with nor inverted: {careless:.4g}")
+        assert costs["lqg"] < careless
 
 
 def test_the_model_steps_the_drive_as_the_plant_does():
