@@ -67,7 +67,9 @@ def test_limits_that_never_bite_cost_nothing(operation, n_substeps):
     theirs, ours = cost(loose, lqg(loose), 8).mean(), cost(loose, mpc(loose), 8).mean()
     without = cost(free, lqg(free), 8).mean()
     ratio, plant = ours / theirs, theirs / without
-    print(f"{operation.name}, {n_substeps} steps: mpc over lqg {ratio:.4f}; loose over none {plant:.4f}")
+    print(
+        f"{operation.name}, {n_substeps} steps: mpc over lqg {ratio:.4f}; loose over none {plant:.4f}"
+    )
     assert ours == pytest.approx(theirs, rel=5e-3)
     # What is left is the plant's: with an acceleration limit a drum moves by the trapezoid of a solver step.
     assert 1.0 < plant < 1.0 + 0.05 / n_substeps
