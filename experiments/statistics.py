@@ -42,7 +42,7 @@ class Estimate:
 
 @dataclass(frozen=True)
 class Resamples:
-    """How often each sea and each training was drawn."""
+    """How often each sea and each training was drawn, of as many draws as there are of them."""
 
     seas: Array
     """(n_resamples, n_seas)."""
@@ -60,8 +60,8 @@ Statistic = Callable[[Sequence[Array], Resamples], Array]
 def mean(scores: Sequence[Array], drawn: Resamples, which: int = 0) -> Array:
     """Mean of the first (or another) of those compared, (n_resamples,)."""
     trainings = drawn.trainings[which]
-    total = ((trainings @ scores[which]) * drawn.seas).sum(axis=1)
-    return np.asarray(total / (trainings.sum(axis=1) * drawn.seas.sum(axis=1)))
+    total = (trainings * (drawn.seas @ scores[which].T)).sum(axis=1)
+    return np.asarray(total / scores[which].size)
 
 
 def mean_ratio(scores: Sequence[Array], drawn: Resamples) -> Array:
@@ -92,8 +92,8 @@ def improvement(scores: Sequence[Array], drawn: Resamples) -> Array:
     below = (ours[:, None] < theirs[None]) + 0.5 * (ours[:, None] == theirs[None])
     won = np.zeros(len(drawn.seas))
     for j in range(len(theirs)):
-        won += second[:, j] * ((first @ below[:, j]) * drawn.seas).sum(axis=1)
-    return np.asarray(won / (first.sum(axis=1) * second.sum(axis=1) * drawn.seas.sum(axis=1)))
+        won += second[:, j] * (first * (drawn.seas @ below[:, j].T)).sum(axis=1)
+    return np.asarray(won / below.size)
 
 
 # What they say of the scores as they are ---------------------------------------------------------

@@ -99,7 +99,7 @@ def _module(path: str) -> ModuleType:
     spec = importlib.util.spec_from_file_location(f"submission_{file.stem}", file)
     if file.suffix != ".py" or spec is None or spec.loader is None:
         raise _refused(path, "it must be a Python file, *.py")
-    module = importlib.util.module_from_spec(spec)
+    module, known = importlib.util.module_from_spec(spec), set(sys.modules)
     sys.modules[spec.name] = module  # dataclasses look their own module up
     sys.path.insert(0, str(file.parent))
     try:
@@ -108,6 +108,11 @@ def _module(path: str) -> ModuleType:
         raise _refused(path, f"it cannot be loaded: {_said(error)}") from error
     finally:
         sys.path.remove(str(file.parent))
+        # Another's file may import a neighbour of the same name.
+        for name in set(sys.modules) - known - {spec.name}:
+            origin = getattr(sys.modules[name], "__file__", None)
+            if origin is not None and Path(origin).parent == file.parent:
+                del sys.modules[name]
     return module
 
 

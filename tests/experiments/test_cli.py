@@ -19,6 +19,7 @@ VERBS = (
     "simulate",
     "train",
     "compare",
+    "league",
     "report",
     "operability",
     "identify",
