@@ -164,7 +164,7 @@ def _arithmetic(symbol: Any, of_floats: str | None, of_words: str | None) -> Non
         return None if name is None else kind
 
     def made(kind: Lanes) -> Any:
-        name = of_floats if _is_float(kind) else of_words
+        name = str(of_floats if _is_float(kind) else of_words)
         return lambda builder, *values: getattr(builder, name)(*values)
 
     _add_operator(symbol, typed, made)
@@ -297,7 +297,7 @@ def integers_at(typing_context, address):
 
 
 def _block_from_address(dtype, n_lanes, plain, arguments):
-    width = _literal(n_lanes)
+    width: Any = _literal(n_lanes)
     block = Block(dtype, width, width, plain)
 
     def generate(context, builder, called, values):
@@ -323,9 +323,10 @@ def lane_of(typing_context, block, lane):
 @intrinsic(prefer_literal=True)
 def lanes_of(typing_context, block, first, n_lanes):
     """Some lanes of a block, from `first` on, as a block of their own; `n_lanes` is a constant."""
-    if not isinstance(block, Block) or _literal(n_lanes) is None:
+    width = _literal(n_lanes)
+    if not isinstance(block, Block) or width is None:
         return None
-    part = Block(block.dtype, _literal(n_lanes), block.stride, block.plain)
+    part = Block(block.dtype, width, block.stride, block.plain)
     return part(block, first, n_lanes), _begin_at_lane
 
 
@@ -594,9 +595,10 @@ def is_single(typing_context, like):
 @intrinsic(prefer_literal=True)
 def counting(typing_context, n_lanes):
     """0, 1, 2, ... in `n_lanes` lanes of words."""
-    if _literal(n_lanes) is None:
+    width = _literal(n_lanes)
+    if width is None:
         return None
-    kind = Lanes(types.uint64, _literal(n_lanes), False)
+    kind = Lanes(types.uint64, width, False)
 
     def generate(context, builder, called, values):
         return ir.Constant(_machine_type(kind), list(range(kind.n_lanes)))
