@@ -62,7 +62,7 @@ class Oracle(LinearController):
 
 def drawn_parameters(scenario: Scenario, seeds: Sequence[int]) -> list[dict[str, float]]:
     """What the first episode of each seed draws, by name."""
-    plant = Plant(scenario, len(seeds), show_channels=False)
+    plant = Plant(scenario, len(seeds))
     plant.begin(np.ones(len(seeds), dtype=bool), np.array(seeds))
     names = [draw.parameter for draw in scenario.uncertainty]
     return [dict(zip(names, map(float, row), strict=True)) for row in plant.drawn]

@@ -98,7 +98,7 @@ def training_cost(scenario: Scenario, controller: LinearController, *, limit: fl
     """
     n_envs, n_steps = len(TUNING_SEEDS), scenario.n_steps
     first = min(round(WARM_UP / scenario.control_dt), n_steps // 4)
-    plant = Plant(scenario, n_envs, show_channels=False)
+    plant = Plant(scenario, n_envs)
     plant.begin(np.ones(n_envs, dtype=bool), np.array(TUNING_SEEDS))
     memory, total = None, 0.0
     running = np.ones(n_envs, dtype=bool)

@@ -12,6 +12,7 @@ step the midpoint rule, T being the cable's mean tension; cable and rod are solv
 from __future__ import annotations
 
 from heave_env.compiled import stage
+from heave_env.lanes import constant
 from heave_env.layout import (
     COMPENSATOR_DAMPING,
     COMPENSATOR_MASS,
@@ -25,22 +26,24 @@ from heave_env.layout import (
 
 
 @stage
-def rod_gap(S, lane, rod, tension, dt):
-    """What is missing to the rod's momentum balance if it ends the step at `rod` under this tension [N]."""
-    real = S.dtype.type
-    half, one, two = real(0.5), real(1.0), real(2.0)
-    per_dt = one / real(dt)
-    old, rate = S[COMPENSATOR_OLD, lane], S[COMPENSATOR_RATE, lane]
+def rod_gap(S, W, rod, tension, dt):
+    """What is missing to the rod's momentum balance if it ends the step at `rod` under this tension [N].
+
+    Of one lane.
+    """
+    half, one, two = constant(S, 0.5), constant(S, 1.0), constant(S, 2.0)
+    per_dt = one / constant(S, dt)
+    old, rate = W[COMPENSATOR_OLD], S[COMPENSATOR_RATE]
     middle_rate = (rod - old) * per_dt
     # Past the end of the gas column there is no force to compute; the stops come before it.
-    column = max(one + half * (rod + old) / S[GAS_LENGTH, lane], real(1e-3))
-    force = S[GAS_FORCE, lane] * column ** (-S[GAS_EXPONENT, lane])
-    inertia = S[COMPENSATOR_MASS, lane] * two * (middle_rate - rate) * per_dt
-    return inertia - force + S[COMPENSATOR_DAMPING, lane] * middle_rate + tension
+    column = max(one + half * (rod + old) / S[GAS_LENGTH], constant(S, 1e-3))
+    force = S[GAS_FORCE] * column ** (-S[GAS_EXPONENT])
+    inertia = S[COMPENSATOR_MASS] * two * (middle_rate - rate) * per_dt
+    return inertia - force + S[COMPENSATOR_DAMPING] * middle_rate + tension
 
 
 @stage
-def stopped_rod(S, lane, rod):
+def stopped_rod(S, rod):
     """The rod's end of step within its stops."""
-    stroke = S[HALF_STROKE, lane]
+    stroke = S[HALF_STROKE]
     return max(min(rod, stroke), -stroke)

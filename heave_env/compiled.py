@@ -9,7 +9,7 @@ from collections.abc import Iterable
 from pathlib import Path
 from typing import Any
 
-from numba import njit, types
+from numba import njit
 from numba.core import event
 
 # IEEE division and no reassociation: the same operations in the same order in every variant, so a row
@@ -32,6 +32,16 @@ _STAGE_FILES = (
 )
 
 
+def entry_point(function: Any, *argument_types: Any) -> Any:
+    """The compiled function itself, compiled now or found on disk if need be.
+
+    Numba's own way to it looks the types of all arguments up in each call, which takes longer than a step of
+    a short cable. This one trusts that they are what it is told here.
+    """
+    function.compile(argument_types)
+    return function.overloads[argument_types].entry_point
+
+
 def source_fingerprint() -> int:
     """A number that changes whenever the source of any stage does.
 
@@ -49,22 +59,18 @@ class _Notices(event.Listener):
 
     def __init__(self) -> None:
         self.names: dict[int, str] = {}
-        self._said: set[tuple[str, Any]] = set()
+        self._said: set[str] = set()
 
     def on_start(self, event: Any) -> None:
         name = self.names.get(id(event.data["dispatcher"]))
         # Workers of a vector environment would each say it.
         if name is None or multiprocessing.parent_process() is not None:
             return
-        first = event.data["args"][0]
-        precision = (first[0] if isinstance(first, types.BaseTuple) else first).dtype
-        if (name, precision) not in self._said:
-            self._said.add((name, precision))
-            print(
-                f"heave_env: compiling {name} in {precision}, this once; it is kept on disk",
-                file=sys.stderr,
-                flush=True,
-            )
+        precision = getattr(event.data["args"][0], "dtype", None)
+        said = name if precision is None else f"{name} in {precision}"
+        if said not in self._said:
+            self._said.add(said)
+            print(f"heave_env: compiling {said}, this once; it is kept on disk", file=sys.stderr, flush=True)
 
     def on_end(self, event: Any) -> None:
         pass
@@ -75,8 +81,8 @@ event.register("numba:compile", _notices)
 
 
 def announce_compilation(functions: Iterable[Any], name: str) -> None:
-    """Lets a line on stderr say when one of the compiled functions has to be compiled: once for all of them
-    together in each precision, of their first argument, and only if no cache has it.
+    """Lets a line on stderr say when one of the compiled functions has to be compiled: once for all of the
+    same name together (in each precision, if the first argument is an array), and only if no cache has it.
 
     Args:
         functions: Functions compiled by numba, kept as long as the process lives.

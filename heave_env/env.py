@@ -269,8 +269,8 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
             num_envs,
             dtype=dtype,
             n_steps=max_episode_steps,
-            show_channels=False,
             n_threads=n_threads,
+            keeps_tensions=render_mode is not None,
         )
         self.num_envs = self.plant.n_envs
         self.render_mode = render_mode
@@ -547,7 +547,7 @@ class HeaveEnv(gym.Env):
         """
         _check_render_mode(render_mode)
         self.scenario = chosen_scenario(scenario, information_set, overrides)
-        self.plant = Plant(self.scenario, 1, dtype=dtype, show_channels=False)
+        self.plant = Plant(self.scenario, 1, dtype=dtype, keeps_tensions=render_mode is not None)
         self.render_mode = render_mode
         self.metadata = {**self.metadata, "render_fps": max(1, round(1.0 / self.scenario.control_dt))}
         self.observation_space = observation_space(self.scenario)

@@ -1,9 +1,10 @@
 """The compiled plant: sea, vessel, winch, cable, sensors and task advanced together.
 
 Every face runs the two functions made here: `advance` (one control step of every row) and
-`begin` (a new episode of the masked rows). Rows sit in lanes of blocks (see `layout`); each stage is a
-loop over the lanes of one block, so a row meets the same operations in the same order whatever the
-batch around it. What a scenario does not use is a branch taken once per block and step.
+`begin` (a new episode of the masked rows). Rows sit in lanes of blocks (see `layout` and `lanes`); each
+stage computes with all lanes of one block at once, or with one, so a row meets the same operations in the
+same order whatever the batch around it. In the stages S is the block's state, I its counters, W the scratch
+block that all share. What a scenario does not use is a branch taken once per block and step.
 
 Signs: the public state (channels) is heave positive up; the cable's nodes are positive down.
 """
@@ -14,20 +15,41 @@ import math
 
 import numpy as np
 from numba import njit
+from numba.extending import overload
 
 from heave_env.cable.axial import (
     cable_move,
     cable_solve,
-    cable_step,
-    cable_tensions,
+    element_stiffness,
     hang_still,
     hanging_strain,
     hanging_stretch,
     solved_sheave_tension,
 )
 from heave_env.compensator import rod_gap, stopped_rod
-from heave_env.compiled import source_fingerprint, stage
-from heave_env.lanes import block_of_lanes
+from heave_env.compiled import seldom, source_fingerprint, stage
+from heave_env.lanes import (
+    absolute,
+    align_stack,
+    any_of,
+    block_at,
+    constant,
+    converted,
+    counting,
+    fused,
+    integers_at,
+    lane,
+    lane_of,
+    lanes_of,
+    maximum,
+    minimum,
+    n_lanes_of,
+    negated,
+    store_across,
+    unsigned_float,
+    where,
+    words_at,
+)
 from heave_env.layout import (
     ACTING_COMMAND,
     BOOM_TIP_BELOW,
@@ -47,7 +69,6 @@ from heave_env.layout import (
     COMPENSATOR_RATE,
     DISPLACEMENT,
     DIVERGENCE_LIMIT,
-    ELEMENT_STIFFNESS,
     ENERGY_COST,
     ENERGY_WEIGHT,
     FAILURE_COST,
@@ -86,12 +107,12 @@ from heave_env.layout import (
     RETURNED_SHARE,
     SAFETY_COST,
     SATURATED,
-    SCRATCH,
     SHEAVE_NEW,
     SHEAVE_OLD,
     SHEAVE_RATE_NEW,
     SHEAVE_RATE_OLD,
     SHEAVE_TENSION,
+    SHOWN,
     SLACK,
     SPEED_LIMIT,
     STEP_MOVED,
@@ -128,8 +149,20 @@ from heave_env.winch import driven_winch_step, free_winch_step, limited_winch_st
 # Kinds of sea, as the kernel knows them.
 CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
 
-# Integer configuration of a plant.
+# Integer configuration of a plant; behind the last of these follow, sensor by sensor, channel row and delay,
+# and then the history lags. The first are addresses of the plant's own memory.
 (
+    ADDRESS_STATE,
+    ADDRESS_COUNTERS,
+    ADDRESS_TABLES,
+    ADDRESS_OBSERVATION,
+    ADDRESS_REWARD,
+    ADDRESS_OUTCOME,
+    ADDRESS_ACTIONS,
+    ADDRESS_BEGINS,
+    N_ENVS,
+    N_ROWS,
+    N_OBSERVED,
     SEA_KIND,
     N_FILTER,
     N_COMPONENTS,
@@ -161,7 +194,6 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     AT_RECORDING,
     HAS_PAY_OUT,
     BEGINS_COMPENSATED,
-    AT_NODE_ROWS,
     SEA_VARIES,
     SENSORS_VARY,
     DELAY_VARIES,
@@ -177,9 +209,17 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     HOOKEAN,
     CHARGES_ENERGY,
     N_SHOWN_PENDING,
+    WORK_FILTER,
+    WORK_NOISE,
+    WORK_CABLE,
+    KEEPS_TENSIONS,
     N_CONFIGURATION,
-) = range(48)
-# Behind these follow, sensor by sensor, channel row and delay, and then the history lags.
+) = range(62)
+# What a call is told of: its share of the blocks, and a scratch block of its own.
+SHARE_CONFIGURATION, SHARE_SCRATCH, SHARE_FIRST_BLOCK, SHARE_LAST_BLOCK = range(4)
+
+CONTROL_DT = 0
+"""Place of the control step [s] in `tables`, which begins with it."""
 
 # Whole-number state of a row.
 SEED, EPISODE, STEP = 0, 1, 2
@@ -188,10 +228,8 @@ N_COUNTERS = 3
 # What became of a row in a step.
 RUNNING, DIVERGED, LOST, LANDED = 0, 1, 2, 3
 
-_ZERO = np.uint64(0)
-_ONE = np.uint64(1)
-_SEA, _SENSORS, _INITIAL = np.uint64(SEA), np.uint64(SENSORS), np.uint64(INITIAL)
-_NOISE = SCRATCH + 6  # four rows
+# Lanes that draw their normal numbers together.
+_DRAWN_LANES = 16
 # Indices of draws, beyond those of a step's noise and of a sea's beginning.
 _DROPOUT, _ERRORS = 4096, 1 << 20
 
@@ -200,154 +238,195 @@ _DROPOUT, _ERRORS = 4096, 1 << 20
 
 
 @stage
-def _draw_four_normals(S, I, row, stream, quad, first_lane, last_lane):
-    """Fills four rows from `row` with the standard normal numbers `quad` of this step and stream."""
-    real = S.dtype.type
-    for lane in range(first_lane, last_lane):
-        a, b, c, d = philox(I[SEED, lane], I[EPISODE, lane], stream, I[STEP, lane], np.uint64(quad))
-        z0, z1 = normal_pair(a, b)
-        z2, z3 = normal_pair(c, d)
-        S[row, lane], S[row + 1, lane] = real(z0), real(z1)
-        S[row + 2, lane], S[row + 3, lane] = real(z2), real(z3)
+def _four_normals(W, rows, words, n_wanted):
+    """Leaves four standard normal numbers, or two if no more are wanted, of random words in as many rows."""
+    a, b, c, d = words
+    W[rows], W[rows + 1] = normal_pair(W, a, b)
+    if n_wanted > 2:
+        W[rows + 2], W[rows + 3] = normal_pair(W, c, d)
 
 
 @stage
-def _filter_output(S, cfg, tables, first_lane, last_lane):
+def _draw_side_by_side(W, I, rows, n_first, first_stream, n_second, second_stream, ahead):
+    """`_draw_normals` of a single environment: its quads take the lanes."""
+    n_quads, n_all = (n_first + 3) // 4, (n_first + 3) // 4 + (n_second + 3) // 4
+    for begin in range(0, n_all, 4):
+        number = counting(4)
+        number = number + constant(number, begin)
+        count = constant(number, n_quads)
+        is_second = number >= count
+        quad = where(is_second, number - count, number)
+        stream = where(is_second, constant(number, second_stream), constant(number, first_stream))
+        step = constant(number, I[STEP])
+        step = where(is_second, step + constant(number, ahead), step)
+        seed, episode = constant(number, I[SEED]), constant(number, I[EPISODE])
+        a, b, c, d = philox(seed, episode, stream, step, quad)
+        z0, z1 = normal_pair(W, a, b)
+        z2, z3 = normal_pair(W, c, d)
+        for i in range(min(4, n_all - begin)):
+            at = rows + 4 * (begin + i)
+            W[at], W[at + 1], W[at + 2], W[at + 3] = lane(z0, i), lane(z1, i), lane(z2, i), lane(z3, i)
+
+
+@stage
+def _words(I, number, n_quads, first_stream, second_stream, ahead):
+    """Words of the quad `number`, counted on from the first stream to the second."""
+    is_second = number >= n_quads
+    stream = constant(I, second_stream if is_second else first_stream)
+    step = I[STEP] + constant(I, ahead if is_second else 0)
+    quad = constant(I, number - n_quads if is_second else number)
+    return philox(I[SEED], I[EPISODE], stream, step, quad)
+
+
+@stage
+def _draw_lane_by_lane(W, I, rows, n_first, first_stream, n_second, second_stream, ahead):
+    """`_draw_normals` of a batch, some lanes at a time, so that the words find room in the registers."""
+    n_quads, n_all = (n_first + 3) // 4, (n_first + 3) // 4 + (n_second + 3) // 4
+    n_last = n_second - 4 * (n_all - n_quads - 1) if n_second > 0 else 4
+    for begin in range(0, n_lanes_of(I), _DRAWN_LANES):
+        own, into = lanes_of(I, begin, _DRAWN_LANES), lanes_of(W, begin, _DRAWN_LANES)
+        # Two at a time share the sequence of keys, and the one fills the other's waits.
+        for number in range(0, n_all - 1, 2):
+            words = _words(own, number, n_quads, first_stream, second_stream, ahead)
+            others = _words(own, number + 1, n_quads, first_stream, second_stream, ahead)
+            _four_normals(into, rows + 4 * number, words, 4)
+            _four_normals(into, rows + 4 * number + 4, others, n_last if number + 2 == n_all else 4)
+        if n_all % 2 == 1:
+            words = _words(own, n_all - 1, n_quads, first_stream, second_stream, ahead)
+            _four_normals(into, rows + 4 * n_all - 4, words, n_last)
+
+
+def _draw_normals(W, I, rows, n_first, first_stream, n_second, second_stream, ahead):
+    """Fills rows with so many standard normal numbers of this step and one stream, and then with so many of
+    the step `ahead` and another. Four numbers make a quad, with an address of its own; each of the two begins
+    with a new one."""
+
+
+@overload(_draw_normals, jit_options={"error_model": "numpy", "forceinline": True})
+def _draw_normals_of(W, I, rows, n_first, first_stream, n_second, second_stream, ahead):
+    drawn = _draw_side_by_side if I.n_lanes == 1 else _draw_lane_by_lane
+
+    def draw(W, I, rows, n_first, first_stream, n_second, second_stream, ahead):
+        drawn(W, I, rows, n_first, first_stream, n_second, second_stream, ahead)
+
+    return draw
+
+
+@stage
+def _filter_output(S, W, cfg, tables):
     """Boom-tip heave and rate from the filter's states."""
-    real = S.dtype.type
-    n, rows = cfg[N_FILTER], cfg[ROW_FILTER]
-    output = cfg[AT_FILTER] + 3 * n * n
-    for lane in range(first_lane, last_lane):
-        S[NEW_BOOM_TIP, lane] = real(0.0)
-        S[NEW_BOOM_TIP_RATE, lane] = real(0.0)
-    if cfg[SEA_VARIES] == 1:
-        own = cfg[ROW_SEA] + 3 * n * n
-        for i in range(n):
-            for lane in range(first_lane, last_lane):
-                S[NEW_BOOM_TIP, lane] += S[own + i, lane] * S[rows + i, lane]
-                S[NEW_BOOM_TIP_RATE, lane] += S[own + n + i, lane] * S[rows + i, lane]
-        return
+    n, states = cfg[N_FILTER], cfg[ROW_FILTER]
+    output, own = cfg[AT_FILTER] + 3 * n * n, cfg[ROW_SEA] + 3 * n * n
+    heave = rate = constant(S, 0.0)
     for i in range(n):
-        heave, rate = real(tables[output + i]), real(tables[output + n + i])
-        for lane in range(first_lane, last_lane):
-            S[NEW_BOOM_TIP, lane] += heave * S[rows + i, lane]
-            S[NEW_BOOM_TIP_RATE, lane] += rate * S[rows + i, lane]
+        state = S[states + i]
+        if cfg[SEA_VARIES] == 1:
+            heave, rate = fused(S[own + i], state, heave), fused(S[own + n + i], state, rate)
+        else:
+            heave = fused(constant(S, tables[output + i]), state, heave)
+            rate = fused(constant(S, tables[output + n + i]), state, rate)
+    W[NEW_BOOM_TIP], W[NEW_BOOM_TIP_RATE] = heave, rate
 
 
 @stage
-def _filter_step(S, I, cfg, tables, n_lanes):
+def _filter_step(S, W, cfg, tables):
     """Wave and vessel filter over a control step, exact: x <- F x + S z."""
-    real = S.dtype.type
-    n, rows, at = cfg[N_FILTER], cfg[ROW_FILTER], cfg[AT_FILTER]
-    fresh = rows + n
-    noise = fresh + n
-    for quad in range((n + 3) // 4):
-        _draw_four_normals(S, I, noise + 4 * quad, _SEA, quad, 0, n_lanes)
+    n, states, shared, own = cfg[N_FILTER], cfg[ROW_FILTER], cfg[AT_FILTER], cfg[ROW_SEA]
+    fresh, noise = cfg[WORK_FILTER], cfg[WORK_NOISE]
     for i in range(n):
-        for lane in range(n_lanes):
-            S[fresh + i, lane] = real(0.0)
+        state = constant(S, 0.0)
         if cfg[SEA_VARIES] == 1:
-            own = cfg[ROW_SEA] + i * n
             for j in range(n):
-                for lane in range(n_lanes):
-                    S[fresh + i, lane] += S[own + j, lane] * S[rows + j, lane]
+                state = fused(S[own + i * n + j], S[states + j], state)
             for j in range(i + 1):
-                for lane in range(n_lanes):
-                    S[fresh + i, lane] += S[own + n * n + j, lane] * S[noise + j, lane]
+                state = fused(S[own + n * n + i * n + j], W[noise + j], state)
         else:
             for j in range(n):
-                coefficient = real(tables[at + i * n + j])
-                for lane in range(n_lanes):
-                    S[fresh + i, lane] += coefficient * S[rows + j, lane]
+                state = fused(constant(S, tables[shared + i * n + j]), S[states + j], state)
             for j in range(i + 1):
-                coefficient = real(tables[at + n * n + i * n + j])
-                for lane in range(n_lanes):
-                    S[fresh + i, lane] += coefficient * S[noise + j, lane]
+                state = fused(constant(S, tables[shared + n * n + i * n + j]), W[noise + j], state)
+        W[fresh + i] = state
     for i in range(n):
-        for lane in range(n_lanes):
-            S[rows + i, lane] = S[fresh + i, lane]
-    _filter_output(S, cfg, tables, 0, n_lanes)
+        S[states + i] = W[fresh + i]
+    _filter_output(S, W, cfg, tables)
 
 
 @stage
-def _begin_filter(S, I, cfg, tables, lane):
+def _begin_filter(S, W, I, cfg, tables):
     """Draws one lane's filter state from the stationary distribution."""
-    real = S.dtype.type
-    n, rows = cfg[N_FILTER], cfg[ROW_FILTER]
-    factor = cfg[AT_FILTER] + 2 * n * n
-    noise = rows + 2 * n
-    for quad in range((n + 3) // 4):
-        _draw_four_normals(S, I, noise + 4 * quad, _INITIAL, quad, lane, lane + 1)
+    n, states, noise = cfg[N_FILTER], cfg[ROW_FILTER], cfg[WORK_NOISE]
+    shared, own = cfg[AT_FILTER] + 2 * n * n, cfg[ROW_SEA] + 2 * n * n
+    _draw_normals(W, I, noise, n, INITIAL, 0, INITIAL, 0)
     for i in range(n):
-        value = real(0.0)
+        state = constant(S, 0.0)
         for j in range(i + 1):
             at = i * n + j
-            shared = real(tables[factor + at]) if cfg[SEA_VARIES] == 0 else real(0.0)
-            own = S[cfg[ROW_SEA] + 2 * n * n + at, lane] if cfg[SEA_VARIES] == 1 else real(0.0)
-            value += (shared + own) * S[noise + j, lane]
-        S[rows + i, lane] = value
-    _filter_output(S, cfg, tables, lane, lane + 1)
+            root = S[own + at] if cfg[SEA_VARIES] == 1 else constant(S, tables[shared + at])
+            state = fused(root, W[noise + j], state)
+        S[states + i] = state
+    _filter_output(S, W, cfg, tables)
 
 
 @stage
-def _sum_sinusoids(S, I, cfg, tables, control_dt, ahead, first_lane, last_lane):
-    """Boom-tip heave and rate as a sum of sinusoids, `ahead` control steps from the row's own clock."""
-    real = S.dtype.type
-    n, rows = cfg[N_COMPONENTS], cfg[ROW_COMPONENTS]
-    amplitudes = cfg[AT_COMPONENTS] + 2 * n
-    two_pi = 2.0 * math.pi
-    for lane in range(first_lane, last_lane):
-        S[NEW_BOOM_TIP, lane] = real(0.0)
-        S[NEW_BOOM_TIP_RATE, lane] = real(0.0)
-    varies = cfg[SEA_VARIES] == 1
+def _sum_sinusoids(S, W, I, cfg, tables, ahead):
+    """Boom-tip heave and rate of one lane as a sum of sinusoids, `ahead` control steps from its own clock."""
+    n, components = cfg[N_COMPONENTS], cfg[ROW_COMPONENTS]
+    amplitudes, own = cfg[AT_COMPONENTS] + 2 * n, cfg[ROW_SEA] + 2 * n
+    time = (np.float64(np.int64(I[STEP])) + ahead) * tables[CONTROL_DT]
+    heave = rate = constant(S, 0.0)
     for i in range(n):
-        shared = 0.0 if varies else tables[amplitudes + i]
-        for lane in range(first_lane, last_lane):
-            amplitude = np.float64(S[cfg[ROW_SEA] + 2 * n + i, lane]) if varies else shared
-            time = (np.float64(np.int64(I[STEP, lane])) + ahead) * control_dt
-            frequency = np.float64(S[rows + 2 * i, lane])
-            cosine, sine = cosine_sine_of_turns(frequency * time + np.float64(S[rows + 2 * i + 1, lane]))
-            S[NEW_BOOM_TIP, lane] += real(amplitude * cosine)
-            S[NEW_BOOM_TIP_RATE, lane] -= real(amplitude * two_pi * frequency * sine)
+        amplitude = np.float64(S[own + i]) if cfg[SEA_VARIES] == 1 else tables[amplitudes + i]
+        frequency = np.float64(S[components + 2 * i])
+        cosine, sine = cosine_sine_of_turns(frequency * time + np.float64(S[components + 2 * i + 1]))
+        heave += constant(S, amplitude * cosine)
+        rate -= constant(S, amplitude * (2.0 * math.pi) * frequency * sine)
+    W[NEW_BOOM_TIP], W[NEW_BOOM_TIP_RATE] = heave, rate
 
 
 @stage
-def _begin_sinusoids(S, I, cfg, tables, lane):
+def _begin_sinusoids(S, I, cfg, tables):
     """Draws one lane's frequencies, each within its bin, and phases."""
-    real = S.dtype.type
-    n, rows, at, own = cfg[N_COMPONENTS], cfg[ROW_COMPONENTS], cfg[AT_COMPONENTS], cfg[ROW_SEA]
-    varies = cfg[SEA_VARIES] == 1
+    n, components = cfg[N_COMPONENTS], cfg[ROW_COMPONENTS]
+    at, own, varies = cfg[AT_COMPONENTS], cfg[ROW_SEA], cfg[SEA_VARIES] == 1
     for i in range(n):
-        a, b, _, _ = philox(I[SEED, lane], I[EPISODE, lane], _INITIAL, _ZERO, np.uint64(i))
-        low = np.float64(S[own + i, lane]) if varies else tables[at + i]
-        width = np.float64(S[own + n + i, lane]) if varies else tables[at + n + i]
-        omega = low + width * uniform(a)
-        S[rows + 2 * i, lane] = real(omega / (2.0 * math.pi))
-        S[rows + 2 * i + 1, lane] = real(uniform(b))
+        stream, index = constant(I, INITIAL), constant(I, i)
+        a, b, _, _ = philox(I[SEED], I[EPISODE], stream, constant(I, 0), index)
+        low = np.float64(S[own + i]) if varies else tables[at + i]
+        width = np.float64(S[own + n + i]) if varies else tables[at + n + i]
+        omega = low + width * uniform(0.0, a)
+        S[components + 2 * i] = constant(S, omega / (2.0 * math.pi))
+        S[components + 2 * i + 1] = constant(S, uniform(0.0, b))
 
 
 @stage
-def _boom_tip_at_substep(S, I, cfg, tables, substep, n_lanes):
-    """Sheave heave and rate at the end of a solver step, positive up, and the recording's pay-out.
+def _recorded_sample(I, cfg, substep):
+    """Place in the tables of one lane's sample at the end of a solver step."""
+    step = min(np.int64(I[STEP]), cfg[N_STEPS] - 1)
+    return cfg[AT_RECORDING] + 3 * (step * cfg[N_SUBSTEPS] + substep + 1)
+
+
+@stage
+def _recorded_substep(S, W, I, cfg, tables, substep, dt):
+    """One lane's sheave and pay-out at the end of a solver step, from the recording."""
+    at = _recorded_sample(I, cfg, substep)
+    W[SHEAVE_NEW], W[SHEAVE_RATE_NEW] = constant(S, tables[at]), constant(S, tables[at + 1])
+    S[PAYOUT_RATE] = constant(S, (tables[at + 2] - tables[at - 1]) / dt)
+    S[PAYOUT] = constant(S, tables[at + 2])
+
+
+@stage
+def _boom_tip_at_substep(S, W, cfg, tables, substep):
+    """Sheave heave and rate at the end of a solver step, positive up.
 
     Between control instants the boom tip is the cubic through its heave and rate at both.
     """
-    real = S.dtype.type
-    if cfg[SEA_KIND] == RECORDED:
-        for lane in range(n_lanes):
-            sample = min(np.int64(I[STEP, lane]), cfg[N_STEPS] - 1) * cfg[N_SUBSTEPS] + substep + 1
-            at = cfg[AT_RECORDING] + 3 * sample
-            S[SHEAVE_NEW, lane] = real(tables[at])
-            S[SHEAVE_RATE_NEW, lane] = real(tables[at + 1])
-    else:
-        at = cfg[AT_HERMITE] + 8 * substep
-        a, b, c, d = real(tables[at]), real(tables[at + 1]), real(tables[at + 2]), real(tables[at + 3])
-        e, f, g, h = real(tables[at + 4]), real(tables[at + 5]), real(tables[at + 6]), real(tables[at + 7])
-        for lane in range(n_lanes):
-            x0, v0 = S[OLD_BOOM_TIP, lane], S[OLD_BOOM_TIP_RATE, lane]
-            x1, v1 = S[NEW_BOOM_TIP, lane], S[NEW_BOOM_TIP_RATE, lane]
-            S[SHEAVE_NEW, lane] = a * x0 + b * v0 + c * x1 + d * v1
-            S[SHEAVE_RATE_NEW, lane] = e * x0 + f * v0 + g * x1 + h * v1
+    at = cfg[AT_HERMITE] + 8 * substep
+    x0, v0, x1, v1 = W[OLD_BOOM_TIP], W[OLD_BOOM_TIP_RATE], W[NEW_BOOM_TIP], W[NEW_BOOM_TIP_RATE]
+    for row in (SHEAVE_NEW, SHEAVE_RATE_NEW):
+        a, b = constant(S, tables[at]), constant(S, tables[at + 1])
+        c, d = constant(S, tables[at + 2]), constant(S, tables[at + 3])
+        W[row] = fused(a, x0, fused(b, v0, fused(c, x1, d * v1)))
+        at += 4
 
 
 # The plant ---------------------------------------------------------------------------------------
@@ -367,501 +446,580 @@ def _time_at_speed(time, running, ramp):
 
 
 @stage
-def _pay_out_over_substep(S, I, cfg, tables, substep, control_dt, n_lanes):
-    """Cable that the operation pays out in a solver step, and in all."""
-    real = S.dtype.type
-    dt = control_dt / cfg[N_SUBSTEPS]
-    if cfg[SEA_KIND] == RECORDED:
-        for lane in range(n_lanes):
-            sample = min(np.int64(I[STEP, lane]), cfg[N_STEPS] - 1) * cfg[N_SUBSTEPS] + substep + 1
-            at = cfg[AT_RECORDING] + 3 * sample + 2
-            S[PAYOUT_RATE, lane] = real((tables[at] - tables[at - 3]) / dt)
-            S[PAYOUT, lane] = real(tables[at])
-    elif cfg[HAS_PAY_OUT] == 1:
-        for lane in range(n_lanes):
-            speed = np.float64(S[PAY_OUT_SPEED, lane])
-            running, ramp = np.float64(S[PAY_OUT_TIME, lane]), np.float64(S[PAY_OUT_RAMP, lane])
-            time = np.float64(np.int64(I[STEP, lane])) * control_dt + substep * dt
-            time -= np.float64(S[PAY_OUT_START, lane])
-            old, new = _time_at_speed(time, running, ramp), _time_at_speed(time + dt, running, ramp)
-            S[PAYOUT_RATE, lane] = real(speed * (new - old) / dt)
-            S[PAYOUT, lane] = real(speed * new)
+def _pay_out_over_substep(S, I, tables, substep, dt):
+    """Cable that one lane's operation pays out in a solver step, and in all."""
+    speed = np.float64(S[PAY_OUT_SPEED])
+    running, ramp = np.float64(S[PAY_OUT_TIME]), np.float64(S[PAY_OUT_RAMP])
+    time = np.float64(np.int64(I[STEP])) * tables[CONTROL_DT] + substep * dt
+    time -= np.float64(S[PAY_OUT_START])
+    old, new = _time_at_speed(time, running, ramp), _time_at_speed(time + dt, running, ramp)
+    S[PAYOUT_RATE] = constant(S, speed * (new - old) / dt)
+    S[PAYOUT] = constant(S, speed * new)
 
 
 @stage
-def _rod_trial(S, cfg, at, dt, n_lanes):
+def _solve_cable(S, W, cfg, dt):
+    cable_solve(
+        S,
+        W,
+        cfg[ROW_NODES],
+        cfg[WORK_CABLE],
+        cfg[N_ELEMENTS],
+        cfg[N_ITERATIONS],
+        dt,
+        cfg[TENSION_ONLY] == 1,
+        cfg[HOOKEAN] == 1,
+    )
+
+
+@stage
+def _rod_trial(S, W, cfg, dt):
     """Solves the cable with the sheave where the rods' trial ends put it, positive down."""
-    for lane in range(n_lanes):
-        S[SHEAVE_NEW, lane] = S[BOOM_TIP_BELOW, lane] - S[COMPENSATOR_DISPLACEMENT, lane]
-    tension_only, hookean = cfg[TENSION_ONLY] == 1, cfg[HOOKEAN] == 1
-    cable_solve(S, at, cfg[N_ELEMENTS], cfg[N_ITERATIONS], n_lanes, dt, tension_only, hookean)
+    W[SHEAVE_NEW] = W[BOOM_TIP_BELOW] - S[COMPENSATOR_DISPLACEMENT]
+    _solve_cable(S, W, cfg, dt)
 
 
 @stage
-def _solve_with_rod(S, cfg, at, dt, n_lanes):
+def _rod_gap_now(S, W, cfg, dt):
+    """One lane's gap in the rod's balance at its trial end, under the tension that was solved for."""
+    tension = solved_sheave_tension(
+        S,
+        W,
+        cfg[ROW_NODES],
+        cfg[WORK_CABLE],
+        cfg[N_ELEMENTS],
+        dt,
+        cfg[TENSION_ONLY] == 1,
+        cfg[HOOKEAN] == 1,
+    )
+    return rod_gap(S, W, S[COMPENSATOR_DISPLACEMENT], tension, dt)
+
+
+@stage
+def _first_rod_end(S, W, cfg, dt):
+    """One lane's first guess of where the rod ends."""
+    two, step = constant(S, 2.0), constant(S, dt)
+    rod, gap = S[COMPENSATOR_DISPLACEMENT], _rod_gap_now(S, W, cfg, dt)
+    W[FIRST_TRIAL], W[FIRST_GAP] = rod, gap
+    # A first slope that errs to the stiff side: rod, gas and the cable's uppermost element.
+    stiff = S[COMPENSATOR_DAMPING] / step + two * S[COMPENSATOR_MASS] / (step * step)
+    stiff += S[GAS_FORCE] / S[GAS_LENGTH]
+    stiff += element_stiffness(S, W, cfg[WORK_CABLE], dt, cfg[TENSION_ONLY] == 1, cfg[HOOKEAN] == 1)
+    S[COMPENSATOR_DISPLACEMENT] = rod - gap / max(stiff, constant(S, 1.0))
+
+
+@stage
+def _better_rod_end(S, W, cfg, dt, is_last):
+    """One lane's next guess, by the secant through the last two."""
+    rod, gap = S[COMPENSATOR_DISPLACEMENT], _rod_gap_now(S, W, cfg, dt)
+    moved, lessened = rod - W[FIRST_TRIAL], gap - W[FIRST_GAP]
+    W[FIRST_TRIAL], W[FIRST_GAP] = rod, gap
+    better = rod - gap * moved / lessened if lessened != constant(S, 0.0) else rod
+    S[COMPENSATOR_DISPLACEMENT] = stopped_rod(S, better) if is_last else better
+
+
+@seldom
+def _solve_with_rod(S, W, cfg, dt):
     """Cable and passive compensator over a solver step, solved together by the secant method.
 
     The cable's tension is all but linear in where the rod ends, so that three solves of the cable do: two
     to find the secant, one at its root; a cable that may be slack or hardens gets two more. On return the
     sheave's rows hold the rod's motion too.
     """
-    real = S.dtype.type
-    zero, two = real(0.0), real(2.0)
-    n, tension_only = cfg[N_ELEMENTS], cfg[TENSION_ONLY] == 1
-    step = real(dt)
-    for lane in range(n_lanes):
-        old = S[COMPENSATOR_DISPLACEMENT, lane]
-        S[COMPENSATOR_OLD, lane] = old
-        S[BOOM_TIP_BELOW, lane] = S[SHEAVE_NEW, lane]
-        S[SHEAVE_OLD, lane] -= old
-        S[COMPENSATOR_DISPLACEMENT, lane] = old + step * S[COMPENSATOR_RATE, lane]
-    _rod_trial(S, cfg, at, dt, n_lanes)
-    for lane in range(n_lanes):
-        rod = S[COMPENSATOR_DISPLACEMENT, lane]
-        gap = rod_gap(S, lane, rod, solved_sheave_tension(S, at, n, lane, tension_only), dt)
-        S[FIRST_TRIAL, lane], S[FIRST_GAP, lane] = rod, gap
-        # A first slope that errs to the stiff side: rod, gas and the cable's uppermost element.
-        stiff = S[COMPENSATOR_DAMPING, lane] / step + two * S[COMPENSATOR_MASS, lane] / (step * step)
-        stiff += S[GAS_FORCE, lane] / S[GAS_LENGTH, lane] + S[at[0] + ELEMENT_STIFFNESS, lane]
-        S[COMPENSATOR_DISPLACEMENT, lane] = rod - gap / max(stiff, real(1.0))
-    n_trials = 4 if tension_only or cfg[HOOKEAN] == 0 else 2
+    align_stack()
+    zero, two, step = constant(S, 0.0), constant(S, 2.0), constant(S, dt)
+    old = S[COMPENSATOR_DISPLACEMENT]
+    W[COMPENSATOR_OLD] = old
+    W[BOOM_TIP_BELOW] = W[SHEAVE_NEW]
+    W[SHEAVE_OLD] = W[SHEAVE_OLD] - old
+    S[COMPENSATOR_DISPLACEMENT] = old + step * S[COMPENSATOR_RATE]
+    _rod_trial(S, W, cfg, dt)
+    for number in range(n_lanes_of(S)):
+        _first_rod_end(lane_of(S, number), lane_of(W, number), cfg, dt)
+    n_trials = 4 if cfg[TENSION_ONLY] == 1 or cfg[HOOKEAN] == 0 else 2
     for trial in range(n_trials):
-        _rod_trial(S, cfg, at, dt, n_lanes)
-        for lane in range(n_lanes):
-            rod = S[COMPENSATOR_DISPLACEMENT, lane]
-            gap = rod_gap(S, lane, rod, solved_sheave_tension(S, at, n, lane, tension_only), dt)
-            moved, lessened = rod - S[FIRST_TRIAL, lane], gap - S[FIRST_GAP, lane]
-            S[FIRST_TRIAL, lane], S[FIRST_GAP, lane] = rod, gap
-            better = rod - gap * moved / lessened if lessened != zero else rod
-            if trial + 1 < n_trials:
-                S[COMPENSATOR_DISPLACEMENT, lane] = better
-            else:
-                S[COMPENSATOR_DISPLACEMENT, lane] = stopped_rod(S, lane, better)
-    _rod_trial(S, cfg, at, dt, n_lanes)
-    for lane in range(n_lanes):
-        rod, old = S[COMPENSATOR_DISPLACEMENT, lane], S[COMPENSATOR_OLD, lane]
-        at_stop = abs(rod) >= S[HALF_STROKE, lane]
-        rate = two * (rod - old) / step - S[COMPENSATOR_RATE, lane]
-        # Without mass the midpoint's rates would ring about the mean, which means nothing then.
-        rate = rate if S[COMPENSATOR_MASS, lane] > zero else (rod - old) / step
-        S[COMPENSATOR_RATE, lane] = zero if at_stop else rate
+        _rod_trial(S, W, cfg, dt)
+        for number in range(n_lanes_of(S)):
+            _better_rod_end(lane_of(S, number), lane_of(W, number), cfg, dt, trial + 1 == n_trials)
+    _rod_trial(S, W, cfg, dt)
+    rod = S[COMPENSATOR_DISPLACEMENT]
+    at_stop = absolute(rod) >= S[HALF_STROKE]
+    rate = two * (rod - old) / step - S[COMPENSATOR_RATE]
+    # Without mass the midpoint's rates would ring about the mean, which means nothing then.
+    rate = where(S[COMPENSATOR_MASS] > zero, rate, (rod - old) / step)
+    S[COMPENSATOR_RATE] = where(at_stop, zero, rate)
 
 
 @stage
-def _cable_substep(S, cfg, dt, n_lanes):
+def _cable_substep(S, W, cfg, dt):
     """The finite-difference cable over a solver step, with the winch's work on it."""
-    real = S.dtype.type
-    per_dt = real(1.0 / dt)
-    n, at = cfg[N_ELEMENTS], cfg[cfg[AT_NODE_ROWS] :]
-    tension_only, hookean = cfg[TENSION_ONLY] == 1, cfg[HOOKEAN] == 1
-    for lane in range(n_lanes):
-        hauled = S[WINCH_DISPLACEMENT, lane] - S[WINCH_OLD, lane]
-        S[LENGTH_OLD, lane] = S[LENGTH, lane]
-        S[LENGTH_SPEED, lane] = S[PAYOUT_RATE, lane] - hauled * per_dt
-        S[LENGTH, lane] = S[INITIAL_LENGTH, lane] + S[PAYOUT, lane] - S[WINCH_DISPLACEMENT, lane]
-        # The cable's own signs are positive down.
-        S[SHEAVE_OLD, lane] = -S[SHEAVE_OLD, lane]
-        S[SHEAVE_NEW, lane] = -S[SHEAVE_NEW, lane]
+    u = S[WINCH_DISPLACEMENT]
+    hauled = u - W[WINCH_OLD]
+    W[LENGTH_OLD] = S[LENGTH]
+    W[LENGTH_SPEED] = S[PAYOUT_RATE] - hauled * constant(S, 1.0 / dt)
+    S[LENGTH] = S[INITIAL_LENGTH] + S[PAYOUT] - u
+    # The cable's own signs are positive down.
+    heave, heave_rate = W[SHEAVE_NEW], W[SHEAVE_RATE_NEW]
+    W[SHEAVE_OLD], W[SHEAVE_NEW] = -W[SHEAVE_OLD], -heave
     if cfg[HAS_COMPENSATOR] == 1:
-        _solve_with_rod(S, cfg, at, dt, n_lanes)
-        cable_move(S, at, n, n_lanes, tension_only, hookean)
+        _solve_with_rod(S, W, cfg, dt)
     else:
-        cable_step(S, at, n, cfg[N_ITERATIONS], n_lanes, dt, tension_only, hookean)
-    cable_tensions(S, at, n, n_lanes, tension_only)
-    for lane in range(n_lanes):
-        hauled = S[WINCH_DISPLACEMENT, lane] - S[WINCH_OLD, lane]
-        work = S[SHEAVE_TENSION, lane] * hauled
-        share = S[SUPPLY_PER_WORK, lane] if work > real(0.0) else S[RETURNED_SHARE, lane]
-        S[STEP_WORK, lane] += work
-        S[STEP_MOVED, lane] += abs(work)
-        S[STEP_SUPPLY, lane] += work * share
-        if cfg[HAS_COMPENSATOR] == 1:
-            S[SHEAVE_NEW, lane] = S[BOOM_TIP_BELOW, lane]
-        S[SHEAVE_OLD, lane] = -S[SHEAVE_OLD, lane]
-        S[SHEAVE_NEW, lane] = -S[SHEAVE_NEW, lane]
+        _solve_cable(S, W, cfg, dt)
+    cable_move(
+        S,
+        W,
+        cfg[ROW_NODES],
+        cfg[WORK_CABLE],
+        cfg[N_ELEMENTS],
+        dt,
+        cfg[TENSION_ONLY] == 1,
+        cfg[HOOKEAN] == 1,
+        cfg[KEEPS_TENSIONS] == 1,
+    )
+    work = S[SHEAVE_TENSION] * hauled
+    share = where(work > constant(S, 0.0), S[SUPPLY_PER_WORK], S[RETURNED_SHARE])
+    W[STEP_WORK] = W[STEP_WORK] + work
+    W[STEP_MOVED] = W[STEP_MOVED] + absolute(work)
+    W[STEP_SUPPLY] = fused(work, share, W[STEP_SUPPLY])
+    W[SHEAVE_NEW], W[SHEAVE_RATE_NEW] = heave, heave_rate
 
 
 @stage
-def _linear_substep(S, n_lanes):
+def _linear_substep(S, W):
     """a x'' + b x' + x = x0 + u over a solver step, exact for the cubic through the ends of x0 + u."""
     m, g = LINEAR_TRANSITION, LINEAR_INPUT
-    for lane in range(n_lanes):
-        x, v = S[PAYLOAD_HEAVE, lane], S[PAYLOAD_HEAVE_RATE, lane]
-        z0 = S[SHEAVE_OLD, lane] + S[WINCH_OLD, lane]
-        r0 = S[SHEAVE_RATE_OLD, lane] + S[WINCH_RATE_START, lane]
-        z1 = S[SHEAVE_NEW, lane] + S[WINCH_DISPLACEMENT, lane]
-        r1 = S[SHEAVE_RATE_NEW, lane] + S[WINCH_RATE, lane]
-        forced = S[g, lane] * z0 + S[g + 1, lane] * r0 + S[g + 2, lane] * z1 + S[g + 3, lane] * r1
-        forced_rate = S[g + 4, lane] * z0 + S[g + 5, lane] * r0 + S[g + 6, lane] * z1 + S[g + 7, lane] * r1
-        S[PAYLOAD_HEAVE, lane] = S[m, lane] * x + S[m + 1, lane] * v + forced
-        S[PAYLOAD_HEAVE_RATE, lane] = S[m + 2, lane] * x + S[m + 3, lane] * v + forced_rate
-        S[STEP_MOVED, lane] += abs(S[WINCH_DISPLACEMENT, lane] - S[WINCH_OLD, lane])
+    x, v, u = S[PAYLOAD_HEAVE], S[PAYLOAD_HEAVE_RATE], S[WINCH_DISPLACEMENT]
+    z0, r0 = W[SHEAVE_OLD] + W[WINCH_OLD], W[SHEAVE_RATE_OLD] + W[WINCH_RATE_START]
+    z1, r1 = W[SHEAVE_NEW] + u, W[SHEAVE_RATE_NEW] + S[WINCH_RATE]
+    forced = fused(S[g], z0, fused(S[g + 1], r0, fused(S[g + 2], z1, S[g + 3] * r1)))
+    forced_rate = fused(S[g + 4], z0, fused(S[g + 5], r0, fused(S[g + 6], z1, S[g + 7] * r1)))
+    S[PAYLOAD_HEAVE] = fused(S[m], x, fused(S[m + 1], v, forced))
+    S[PAYLOAD_HEAVE_RATE] = fused(S[m + 2], x, fused(S[m + 3], v, forced_rate))
+    W[STEP_MOVED] = W[STEP_MOVED] + absolute(u - W[WINCH_OLD])
 
 
-@stage
-def _show_cable(S, cfg, first_lane, last_lane):
-    """Payload heave about its still-water position below the reference length, and its rate."""
-    real = S.dtype.type
-    half, one = real(0.5), real(1.0)
+@seldom
+def _show_rope(S, cfg):
+    """`_show_cable` of one lane's rope beyond Hooke's law."""
     bottom = cfg[ROW_NODES] + N_NODE_FIELDS * cfg[N_ELEMENTS]
-    for lane in range(first_lane, last_lane):
-        reference = S[INITIAL_LENGTH, lane] + S[PAYOUT, lane]
-        w1, w2, EA = S[CABLE_WEIGHT, lane], S[PAYLOAD_WEIGHT, lane], S[CABLE_STIFFNESS, lane]
-        stretch = reference * (w2 + half * w1 * reference) / EA
-        lengthening = one + (w2 + w1 * reference) / EA
-        if cfg[HOOKEAN] == 0:
-            stretch = hanging_stretch(S, lane, cfg[N_ELEMENTS], reference)
-            lengthening = one + hanging_strain(S, lane, w2 + w1 * reference)
-        S[PAYLOAD_HEAVE, lane] = S[WINCH_DISPLACEMENT, lane] + stretch - S[bottom + DISPLACEMENT, lane]
-        S[PAYLOAD_HEAVE_RATE, lane] = S[PAYOUT_RATE, lane] * lengthening - S[bottom + VELOCITY, lane]
+    reference = S[INITIAL_LENGTH] + S[PAYOUT]
+    stretch = hanging_stretch(S, cfg[N_ELEMENTS], reference)
+    tension = S[PAYLOAD_WEIGHT] + S[CABLE_WEIGHT] * reference
+    lengthening = constant(S, 1.0) + hanging_strain(S, tension)
+    S[PAYLOAD_HEAVE] = S[WINCH_DISPLACEMENT] + stretch - S[bottom + DISPLACEMENT]
+    S[PAYLOAD_HEAVE_RATE] = S[PAYOUT_RATE] * lengthening - S[bottom + VELOCITY]
 
 
 @stage
-def _late_commands(S, cfg, position, substep, n_substeps, commands, n_lanes):
-    """The command that acts on each row's winch in a solver step, each with its own delay."""
-    for lane in range(n_lanes):
-        given = (substep - np.int64(S[OWN_DELAY, lane])) // n_substeps
-        S[ACTING_COMMAND, lane] = S[cfg[ROW_COMMANDS] + (position + given) % commands, lane]
+def _show_cable(S, cfg):
+    """Payload heave about its still-water position below the reference length, and its rate."""
+    if cfg[HOOKEAN] == 0:
+        for number in range(n_lanes_of(S)):
+            _show_rope(lane_of(S, number), cfg)
+        return
+    bottom = cfg[ROW_NODES] + N_NODE_FIELDS * cfg[N_ELEMENTS]
+    reference = S[INITIAL_LENGTH] + S[PAYOUT]
+    w1, w2, EA = S[CABLE_WEIGHT], S[PAYLOAD_WEIGHT], S[CABLE_STIFFNESS]
+    stretch = reference * (w2 + constant(S, 0.5) * w1 * reference) / EA
+    lengthening = constant(S, 1.0) + (w2 + w1 * reference) / EA
+    S[PAYLOAD_HEAVE] = S[WINCH_DISPLACEMENT] + stretch - S[bottom + DISPLACEMENT]
+    S[PAYLOAD_HEAVE_RATE] = S[PAYOUT_RATE] * lengthening - S[bottom + VELOCITY]
+
+
+@stage
+def _before(slot, age, ring):
+    """The place in a ring that was written `age` steps before `slot`, both below its length."""
+    return slot - age if slot >= age else slot - age + ring
+
+
+@stage
+def _late_command(S, W, cfg, slot, substep):
+    """The command that acts on one lane's winch in a solver step, with its own delay."""
+    given = (substep - np.int64(S[OWN_DELAY])) // cfg[N_SUBSTEPS]
+    W[ACTING_COMMAND] = S[cfg[ROW_COMMANDS] + _before(slot, -given, cfg[N_PENDING] + 1)]
+
+
+@stage
+def _winch_substep(S, W, cfg, slot, substep, dt):
+    """The drum over a solver step under the command that is due."""
+    if cfg[DELAY_VARIES] == 1:
+        for number in range(n_lanes_of(S)):
+            _late_command(lane_of(S, number), lane_of(W, number), cfg, slot, substep)
+        command = W[ACTING_COMMAND]
+    else:
+        given = (substep - cfg[DELAY_SUBSTEPS]) // cfg[N_SUBSTEPS]
+        command = S[cfg[ROW_COMMANDS] + _before(slot, -given, cfg[N_PENDING] + 1)]
+    if cfg[WINCH_DRIVEN] == 1:
+        at_once = cfg[ACCELERATION_LIMITED] == 0
+        driven_winch_step(S, W, command, dt, cfg[SECOND_ORDER_WINCH] == 1, at_once)
+    elif cfg[WINCH_LIMITED] == 1:
+        limited_winch_step(S, W, command, dt, cfg[ACCELERATION_LIMITED] == 0)
+    else:
+        free_winch_step(S, W, command)
+
+
+@stage
+def _substep(S, W, I, cfg, tables, slot, substep, dt):
+    """Sea, winch and cable or linear payload over a solver step."""
+    W[SHEAVE_OLD], W[SHEAVE_RATE_OLD] = W[SHEAVE_NEW], W[SHEAVE_RATE_NEW]
+    if cfg[SEA_KIND] == RECORDED:
+        for number in range(n_lanes_of(S)):
+            one, scratch = lane_of(S, number), lane_of(W, number)
+            _recorded_substep(one, scratch, lane_of(I, number), cfg, tables, substep, dt)
+    else:
+        _boom_tip_at_substep(S, W, cfg, tables, substep)
+        if cfg[HAS_PAY_OUT] == 1:
+            for number in range(n_lanes_of(S)):
+                _pay_out_over_substep(lane_of(S, number), lane_of(I, number), tables, substep, dt)
+    _winch_substep(S, W, cfg, slot, substep, dt)
+    if cfg[IS_LINEAR] == 1:
+        _linear_substep(S, W)
+    else:
+        _cable_substep(S, W, cfg, dt)
 
 
 # Sensors and task --------------------------------------------------------------------------------
 
 
 @stage
-def _distorted(S, cfg, tables, s, lane, truth):
+def _distorted(S, cfg, tables, s, truth):
     """What a sensor makes of a true value before noise: high-pass, scale error, bias.
 
     The high-pass is the trapezoidal state-variable form, which keeps its accuracy when its corner is slow.
     """
-    real = S.dtype.type
-    two = real(2.0)
+    one, two = constant(S, 1.0), constant(S, 2.0)
     at, own = cfg[AT_SENSOR_ERRORS] + 6 * s, cfg[ROW_SENSOR_STATE] + 5 * s
-    g = real(tables[at + 4])
-    if g > real(0.0):
-        damping = real(tables[at + 5])
-        first, second = S[own + 3, lane], S[own + 4, lane]
-        high = (truth - (two * damping + g) * first - second) / (real(1.0) + g * (two * damping + g))
+    if tables[at + 4] > 0.0:
+        g, damping = constant(S, tables[at + 4]), constant(S, tables[at + 5])
+        first, second = S[own + 3], S[own + 4]
+        high = (truth - (two * damping + g) * first - second) / (one + g * (two * damping + g))
         band = g * high + first
-        S[own + 3, lane] = g * high + band
-        S[own + 4, lane] = two * g * band + second
+        S[own + 3] = g * high + band
+        S[own + 4] = two * g * band + second
         truth = high
-    return truth * (real(1.0) + S[own, lane]) + S[own + 1, lane]
+    return truth * (one + S[own]) + S[own + 1]
 
 
 @stage
-def _held(S, I, cfg, tables, s, lane, value):
-    """The reading that stands: the new one, or the last where none is due or it was lost."""
-    at, own = cfg[AT_SENSOR_ERRORS] + 6 * s, cfg[ROW_SENSOR_STATE] + 5 * s
-    step = np.int64(I[STEP, lane])
+def _held(S, I, cfg, tables, s, place):
+    """Leaves one lane's reading that stands: the new one, or the last where none is due or it was lost."""
+    at, last = cfg[AT_SENSOR_ERRORS] + 6 * s, cfg[ROW_SENSOR_STATE] + 5 * s + 2
+    step = np.int64(I[STEP])
     every, dropout = np.int64(tables[at + 2]), tables[at + 3]
     lost = step % every != 0
     if dropout > 0.0 and not lost and step > 0:
-        word, _, _, _ = philox(
-            I[SEED, lane], I[EPISODE, lane], _SENSORS, I[STEP, lane], np.uint64(_DROPOUT + s)
-        )
-        lost = uniform(word) < dropout
-    if not lost:
-        S[own + 2, lane] = value
-    return S[own + 2, lane]
+        stream, index = constant(I, SENSORS), constant(I, _DROPOUT + s)
+        word, _, _, _ = philox(I[SEED], I[EPISODE], stream, I[STEP], index)
+        lost = uniform(0.0, word) < dropout
+    if lost:
+        S[place] = S[last]
+    else:
+        S[last] = S[place]
 
 
 @stage
-def _begin_sensors(S, I, cfg, tables, lane):
+def _begin_sensors(S, I, cfg, tables):
     """Draws one lane's scale errors and biases and empties its heave filters."""
-    real = S.dtype.type
     for s in range(cfg[N_SENSORS]):
         at, own = cfg[AT_SENSOR_ERRORS] + 6 * s, cfg[ROW_SENSOR_STATE] + 5 * s
-        a, b, _, _ = philox(I[SEED, lane], I[EPISODE, lane], _INITIAL, _ZERO, np.uint64(_ERRORS + s))
-        z0, z1 = normal_pair(a, b)
-        S[own, lane] = real(tables[at] * z0)
-        S[own + 1, lane] = real(tables[at + 1] * z1)
-        S[own + 3, lane] = S[own + 4, lane] = real(0.0)
+        stream, index = constant(I, INITIAL), constant(I, _ERRORS + s)
+        a, b, _, _ = philox(I[SEED], I[EPISODE], stream, constant(I, 0), index)
+        z0, z1 = normal_pair(0.0, a, b)
+        S[own] = constant(S, tables[at] * z0)
+        S[own + 1] = constant(S, tables[at + 1] * z1)
+        S[own + 3] = S[own + 4] = constant(S, 0.0)
 
 
 @stage
-def _measure(S, I, cfg, tables, position, first_lane, last_lane):
+def _measure(S, W, I, cfg, tables, slot, noise):
     """Writes this instant's samples, noisy, scaled and clipped, into their place in the sensor ring."""
-    real = S.dtype.type
-    n = cfg[N_SENSORS]
-    bound = real(OBSERVATION_BOUND)
-    place = cfg[ROW_SENSORS] + (position % cfg[SENSOR_RING]) * n
-    for quad in range((n + 3) // 4):
-        _draw_four_normals(S, I, _NOISE, _SENSORS, quad, first_lane, last_lane)
-        for s in range(4 * quad, min(4 * quad + 4, n)):
-            at = cfg[AT_SENSORS] + 3 * s
-            noise, offset, per_scale = real(tables[at]), real(tables[at + 1]), real(tables[at + 2])
-            channel = cfg[N_CONFIGURATION + 2 * s]
-            own = cfg[ROW_SENSOR_TABLE] + 3 * s
-            for lane in range(first_lane, last_lane):
-                if cfg[SENSORS_VARY] == 1:
-                    noise, offset, per_scale = S[own, lane], S[own + 1, lane], S[own + 2, lane]
-                truth = S[channel, lane]
-                if cfg[SENSORS_ERR] == 1:
-                    truth = _distorted(S, cfg, tables, s, lane, truth)
-                value = (truth + noise * S[_NOISE + s - 4 * quad, lane] - offset) * per_scale
-                value = value if value > -bound else -bound
-                value = value if value < bound else bound
-                if cfg[SENSORS_ERR] == 1:
-                    value = _held(S, I, cfg, tables, s, lane, value)
-                S[place + s, lane] = value
+    n, bound = cfg[N_SENSORS], constant(S, OBSERVATION_BOUND)
+    for s in range(n):
+        at, own, place = (
+            cfg[AT_SENSORS] + 3 * s,
+            cfg[ROW_SENSOR_TABLE] + 3 * s,
+            cfg[ROW_SENSORS] + slot * n + s,
+        )
+        if cfg[SENSORS_VARY] == 1:
+            std, offset, per_scale = S[own], S[own + 1], S[own + 2]
+        else:
+            std, offset = constant(S, tables[at]), constant(S, tables[at + 1])
+            per_scale = constant(S, tables[at + 2])
+        truth = S[cfg[N_CONFIGURATION + 2 * s]]
+        if cfg[SENSORS_ERR] == 1:
+            truth = _distorted(S, cfg, tables, s, truth)
+        value = (fused(std, W[noise + s], truth) - offset) * per_scale
+        S[place] = minimum(maximum(value, -bound), bound)
+        if cfg[SENSORS_ERR] == 1:
+            for number in range(n_lanes_of(S)):
+                _held(lane_of(S, number), lane_of(I, number), cfg, tables, s, place)
 
 
 @stage
-def _observe(S, cfg, position, block, n_envs, observation, first_lane, last_lane):
+def _show_four(W, cfg, observation, first, n_rows):
+    """Copies the four values that wait into columns of the observations, from `first` on."""
+    if n_rows == n_lanes_of(W):
+        a, b = W[SHOWN + first % 4], W[SHOWN + (first + 1) % 4]
+        c, d = W[SHOWN + (first + 2) % 4], W[SHOWN + (first + 3) % 4]
+        a, b = converted(observation, a), converted(observation, b)
+        c, d = converted(observation, c), converted(observation, d)
+        store_across(observation, first, cfg[N_OBSERVED], a, b, c, d)
+    else:
+        for column in range(first, first + 4):
+            _show_one(W, cfg, observation, column, n_rows)
+
+
+@stage
+def _show_one(W, cfg, observation, column, n_rows):
+    for number in range(n_rows):
+        value = lane_of(W, number)[SHOWN + column % 4]
+        observation[number * cfg[N_OBSERVED] + column] = converted(observation, value)
+
+
+def _show_value(W, cfg, observation, column, n_rows, value):
+    """Puts a value into its column of the observations, or keeps it until there are four."""
+
+
+@overload(_show_value, jit_options={"error_model": "numpy", "forceinline": True})
+def _show_value_of(W, cfg, observation, column, n_rows, value):
+    def show(W, cfg, observation, column, n_rows, value):
+        observation[column] = converted(observation, value)
+
+    def keep(W, cfg, observation, column, n_rows, value):
+        W[SHOWN + column % 4] = value
+        n_observed = cfg[N_OBSERVED]
+        if column % 4 == 3:
+            _show_four(W, cfg, observation, column - 3, n_rows)
+        elif column + 1 == n_observed:
+            # The last four once more, with what is left over among them.
+            if n_observed >= 4:
+                _show_four(W, cfg, observation, n_observed - 4, n_rows)
+            else:
+                for last in range(n_observed):
+                    _show_one(W, cfg, observation, last, n_rows)
+
+    return show if W.n_lanes == 1 else keep
+
+
+@stage
+def _observe(S, W, cfg, slot, command_slot, observation, n_rows):
     """Lays out the observation: lag by lag the sensors, then filter states, then pending commands."""
-    n, n_lags, ring = cfg[N_SENSORS], cfg[N_LAGS], cfg[SENSOR_RING]
-    n_lanes = S.shape[1]
-    for lane in range(first_lane, last_lane):
-        row = block * n_lanes + lane
-        if row >= n_envs:
-            continue
-        column = 0
-        for i in range(n_lags):
-            lag = cfg[N_CONFIGURATION + 2 * n + i]
-            for s in range(n):
-                age = lag + cfg[N_CONFIGURATION + 2 * s + 1]
-                place = cfg[ROW_SENSORS] + ((position - age) % ring) * n + s
-                observation[row, column] = S[place, lane]
-                column += 1
-        for i in range(cfg[SHOWN_FILTER_STATES]):
-            observation[row, column] = S[cfg[ROW_FILTER] + i, lane]
+    n, ring, commands = cfg[N_SENSORS], cfg[SENSOR_RING], cfg[N_PENDING] + 1
+    column = 0
+    for i in range(cfg[N_LAGS]):
+        lag = cfg[N_CONFIGURATION + 2 * n + i]
+        for s in range(n):
+            past = _before(slot, lag + cfg[N_CONFIGURATION + 2 * s + 1], ring)
+            _show_value(W, cfg, observation, column, n_rows, S[cfg[ROW_SENSORS] + past * n + s])
             column += 1
-        for i in range(cfg[SHOWS_DRAWS] * cfg[N_DRAWS]):
-            observation[row, column] = S[cfg[ROW_DRAWS] + i, lane]
-            column += 1
-        commands = cfg[N_PENDING] + 1
-        for i in range(cfg[N_SHOWN_PENDING]):
-            place = cfg[ROW_COMMANDS] + (position - 1 - i) % commands
-            observation[row, column] = S[place, lane] / S[COMMAND_RANGE, lane]
-            column += 1
+    for i in range(cfg[SHOWN_FILTER_STATES]):
+        _show_value(W, cfg, observation, column, n_rows, S[cfg[ROW_FILTER] + i])
+        column += 1
+    for i in range(cfg[SHOWS_DRAWS] * cfg[N_DRAWS]):
+        _show_value(W, cfg, observation, column, n_rows, S[cfg[ROW_DRAWS] + i])
+        column += 1
+    for i in range(cfg[N_SHOWN_PENDING]):
+        given = S[cfg[ROW_COMMANDS] + _before(command_slot, i, commands)]
+        _show_value(W, cfg, observation, column, n_rows, given / S[COMMAND_RANGE])
+        column += 1
 
 
 @stage
-def _charge(S, I, cfg, block, n_envs, reward, outcome, n_lanes):
+def _charge(S, W, I, cfg, reward, outcome):
     """Stage cost, safety cost and what became of each row; a diverged row shows zeros, never NaN."""
-    real = S.dtype.type
-    zero, one = real(0.0), real(1.0)
-    cable = cfg[IS_LINEAR] == 0
-    bottom = cfg[ROW_NODES] + N_NODE_FIELDS * cfg[N_ELEMENTS]
-    for lane in range(n_lanes):
-        x, v, u0 = S[PAYLOAD_HEAVE, lane], S[PAYLOAD_HEAVE_RATE, lane], S[COMMAND, lane]
-        limit = S[DIVERGENCE_LIMIT, lane]
-        fate = RUNNING
-        # Not (a < b) rather than a >= b: a NaN must count as diverged.
-        if not (abs(x) < limit) or not (abs(v) < limit):
-            fate = DIVERGED
-        elif cable and not (S[TENSION_MAX, lane] < S[BREAKING_STRENGTH, lane]):
-            fate = LOST
-        elif cable and S[LENGTH, lane] + S[bottom + DISPLACEMENT, lane] >= S[LANDING_DEPTH, lane]:
-            fate = LANDED
-        if fate == DIVERGED:
-            for channel in range(N_CHANNELS):
-                if not (abs(S[channel, lane]) < real(1e30)):
-                    S[channel, lane] = zero
-            # The failure is charged below; a displacement without meaning is not.
-            S[PAYLOAD_HEAVE, lane] = S[PAYLOAD_HEAVE_RATE, lane] = x = zero
-        unsafe = S[SLACK, lane] if cable else zero
-        unsafe += one if (cable and S[TENSION_MAX, lane] > S[TENSION_LIMIT, lane]) else zero
-        unsafe += one if abs(S[WINCH_DISPLACEMENT, lane]) >= S[STROKE_LIMIT, lane] else zero
-        remaining = real(max(cfg[N_STEPS] - np.int64(I[STEP, lane]) - 1, 0))
-        failed = fate in (DIVERGED, LOST)
-        S[POSITION_COST, lane] = S[POSITION_WEIGHT, lane] * x * x
-        S[COMMAND_COST, lane] = S[COMMAND_WEIGHT, lane] * u0 * u0
-        S[FAILURE_COST, lane] = S[FAILURE_RATE, lane] * remaining if failed else zero
-        if cfg[CHARGES_ENERGY] == 1:
-            moved = zero if fate == DIVERGED else S[STEP_MOVED, lane]
-            S[ENERGY_COST, lane] = S[ENERGY_WEIGHT, lane] * moved
-        S[SAFETY_COST, lane] = unsafe
-        row = block * n_lanes + lane
-        if row < n_envs:
-            total = S[POSITION_COST, lane] + S[COMMAND_COST, lane] + S[FAILURE_COST, lane]
-            if cfg[CHARGES_ENERGY] == 1:
-                total += S[ENERGY_COST, lane]
-            reward[row] = -np.float64(total)
-            outcome[row] = fate
-
-
-@stage
-def _show(S, block, n_envs, channels, first_lane, last_lane):
-    """Copies the channels out, environment by environment."""
-    n_lanes = S.shape[1]
-    for lane in range(first_lane, last_lane):
-        row = block * n_lanes + lane
-        if row < n_envs:
-            for channel in range(N_CHANNELS):
-                channels[row, channel] = S[channel, lane]
+    zero, one = constant(S, 0.0), constant(S, 1.0)
+    x, u0, limit = S[PAYLOAD_HEAVE], S[COMMAND], S[DIVERGENCE_LIMIT]
+    # Not (a < b) rather than a >= b: a NaN must count as diverged.
+    diverged = negated((absolute(x) < limit) & (absolute(S[PAYLOAD_HEAVE_RATE]) < limit))
+    lost = landed = zero != zero
+    unsafe = where(absolute(S[WINCH_DISPLACEMENT]) >= S[STROKE_LIMIT], one, zero)
+    if cfg[IS_LINEAR] == 0:
+        bottom = cfg[ROW_NODES] + N_NODE_FIELDS * cfg[N_ELEMENTS]
+        highest = S[TENSION_MAX]
+        lost = negated(diverged | (highest < S[BREAKING_STRENGTH]))
+        landed = S[LENGTH] + S[bottom + DISPLACEMENT] >= S[LANDING_DEPTH]
+        landed = landed & negated(diverged | lost)
+    if any_of(diverged):
+        for channel in range(N_CHANNELS):
+            value = S[channel]
+            S[channel] = where(diverged & negated(absolute(value) < constant(S, 1e30)), zero, value)
+        # The failure is charged below; a displacement without meaning is not.
+        x = where(diverged, zero, x)
+        S[PAYLOAD_HEAVE] = x
+        S[PAYLOAD_HEAVE_RATE] = where(diverged, zero, S[PAYLOAD_HEAVE_RATE])
+    if cfg[IS_LINEAR] == 0:
+        unsafe = unsafe + S[SLACK] + where(S[TENSION_MAX] > S[TENSION_LIMIT], one, zero)
+    made = unsigned_float(S, I[STEP] + constant(I, 1))
+    remaining = maximum(constant(S, cfg[N_STEPS]) - made, zero)
+    position_cost, command_cost = S[POSITION_WEIGHT] * x * x, S[COMMAND_WEIGHT] * u0 * u0
+    failure_cost = where(diverged | lost, S[FAILURE_RATE] * remaining, zero)
+    S[POSITION_COST], S[COMMAND_COST] = position_cost, command_cost
+    S[FAILURE_COST], S[SAFETY_COST] = failure_cost, unsafe
+    total = position_cost + command_cost + failure_cost
+    if cfg[CHARGES_ENERGY] == 1:
+        energy_cost = S[ENERGY_WEIGHT] * where(diverged, zero, W[STEP_MOVED])
+        S[ENERGY_COST] = energy_cost
+        total = total + energy_cost
+    reward[0] = converted(reward, -total)
+    fate = where(diverged, constant(I, DIVERGED), constant(I, RUNNING))
+    outcome[0] = where(lost, constant(I, LOST), where(landed, constant(I, LANDED), fate))
 
 
 # The two faces of the kernel ---------------------------------------------------------------------
 
 
-def _make(n_lanes: int, fingerprint: int):
-    """The kernel for blocks of `n_lanes` environments."""
+def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
+    """The kernel for blocks of `n_lanes` environments, in single or double precision."""
+    itemsize = 4 if single else 8
 
-    @njit(cache=True, nogil=True, error_model="numpy")
-    def advance(
-        state, counters, cfg, tables, control_dt, position, actions, observation, reward, outcome, channels,
-        first_block, last_block,
-    ):  # fmt: skip
-        """Advances every row of the blocks by one control step, under the given actions.
+    # A single environment's step is over before another thread could use the time.
+    @njit(cache=True, nogil=n_lanes > 1, error_model="numpy")
+    def advance(share, position):
+        """Advances every row of some blocks by one control step, under the actions that the plant holds.
 
         Args:
-            state: Real state, (n_blocks, n_rows, n_lanes).
-            counters: Seed, episode and step of the rows, (n_blocks, 3, n_lanes), uint64.
-            cfg: Integer configuration.
-            tables: Constants of sea and sensors, float64.
-            control_dt: Control step [s].
+            share: Address of four integers: configuration, scratch block, first block and the block to stop
+                before.
             position: Control steps that the batch has made: where the rings stand.
-            actions: Fractions of the command range, (n_envs,).
-            observation: Filled, (n_envs, n_observations), float32.
-            reward: Filled, (n_envs,).
-            outcome: Filled with RUNNING, DIVERGED, LOST or LANDED, (n_envs,).
-            channels: Filled, (n_envs, N_CHANNELS), unless it has no rows.
-            first_block: First block to advance.
-            last_block: The block to stop before.
         """
         if fingerprint == 0:
             return
-        real = state.dtype.type
-        zero, one = real(0.0), real(1.0)
-        n_envs = len(actions)
-        n_substeps = cfg[N_SUBSTEPS]
-        dt = control_dt / n_substeps
-        commands = cfg[N_PENDING] + 1
-        # One lane is a constant to the compiler; sixteen are a number of the run, or else it would unroll
-        # the small loops over lanes before it makes vector operations of them.
-        lanes = 1 if n_lanes == 1 else state.shape[2]
-        for block in range(first_block, last_block):
-            S, I = block_of_lanes(state[block], n_lanes), counters[block]
-            newest = cfg[ROW_COMMANDS] + position % commands
-            for lane in range(n_lanes):
-                row = block * n_lanes + lane
-                action = real(actions[row]) if row < n_envs else zero
-                clipped = min(max(action, -one), one)
-                S[SATURATED, lane] = one if abs(action) >= one else zero
-                S[COMMAND, lane] = clipped * S[COMMAND_RANGE, lane]
-                S[newest, lane] = S[COMMAND, lane]
-                S[OLD_BOOM_TIP, lane] = S[BOOM_TIP_HEAVE, lane]
-                S[OLD_BOOM_TIP_RATE, lane] = S[BOOM_TIP_HEAVE_RATE, lane]
-                S[SHEAVE_NEW, lane] = S[BOOM_TIP_HEAVE, lane]
-                S[SHEAVE_RATE_NEW, lane] = S[BOOM_TIP_HEAVE_RATE, lane]
-                S[TENSION_MIN, lane], S[TENSION_MAX, lane] = real(np.inf), real(-np.inf)
-                S[STEP_WORK, lane] = zero
-                S[STEP_SUPPLY, lane] = zero
-                S[STEP_MOVED, lane] = zero
+        align_stack()
+        cfg = integers_at(integers_at(share)[SHARE_CONFIGURATION])
+        tables = block_at(cfg[ADDRESS_TABLES], 0, 1, 0)
+        W = block_at(integers_at(share)[SHARE_SCRATCH], single, n_lanes, plain)
+        n_substeps, n_sensors = cfg[N_SUBSTEPS], cfg[N_SENSORS]
+        control_dt = tables[CONTROL_DT]
+        command_slot = position % (cfg[N_PENDING] + 1)
+        slot = (position + 1) % cfg[SENSOR_RING]
+        n_sea = cfg[N_FILTER] if cfg[SEA_KIND] == FILTERED else 0
+        zero, one = constant(W, 0.0), constant(W, 1.0)
+        for block in range(integers_at(share)[SHARE_FIRST_BLOCK], integers_at(share)[SHARE_LAST_BLOCK]):
+            S = block_at(
+                cfg[ADDRESS_STATE] + block * cfg[N_ROWS] * (n_lanes * itemsize), single, n_lanes, plain
+            )
+            I = words_at(cfg[ADDRESS_COUNTERS] + block * (N_COUNTERS * n_lanes * 8), n_lanes, plain)
+            first_row = block * n_lanes
+            n_rows = min(n_lanes, cfg[N_ENVS] - first_row)
+            actions = block_at(cfg[ADDRESS_ACTIONS] + first_row * 8, 0, n_lanes, plain)
+            action = converted(S, actions[0])
+            command = maximum(minimum(action, one), -one) * S[COMMAND_RANGE]
+            S[SATURATED] = where(absolute(action) >= one, one, zero)
+            S[COMMAND] = command
+            S[cfg[ROW_COMMANDS] + command_slot] = command
+            heave, heave_rate = S[BOOM_TIP_HEAVE], S[BOOM_TIP_HEAVE_RATE]
+            W[OLD_BOOM_TIP], W[OLD_BOOM_TIP_RATE] = heave, heave_rate
+            W[NEW_BOOM_TIP], W[NEW_BOOM_TIP_RATE] = zero, zero
+            W[SHEAVE_NEW], W[SHEAVE_RATE_NEW] = heave, heave_rate
+            S[TENSION_MIN], S[TENSION_MAX] = constant(S, np.inf), constant(S, -np.inf)
+            W[STEP_WORK], W[STEP_SUPPLY], W[STEP_MOVED] = zero, zero, zero
+            noise = cfg[WORK_NOISE]
+            _draw_normals(W, I, noise, n_sea, SEA, n_sensors, SENSORS, 1)
             if cfg[SEA_KIND] == FILTERED:
-                _filter_step(S, I, cfg, tables, n_lanes)
+                _filter_step(S, W, cfg, tables)
             elif cfg[SEA_KIND] == SINUSOIDS:
-                _sum_sinusoids(S, I, cfg, tables, control_dt, 1.0, 0, n_lanes)
+                for number in range(n_lanes):
+                    own, scratched = lane_of(S, number), lane_of(W, number)
+                    _sum_sinusoids(own, scratched, lane_of(I, number), cfg, tables, 1.0)
             for substep in range(n_substeps):
-                for lane in range(n_lanes):
-                    S[SHEAVE_OLD, lane] = S[SHEAVE_NEW, lane]
-                    S[SHEAVE_RATE_OLD, lane] = S[SHEAVE_RATE_NEW, lane]
-                _boom_tip_at_substep(S, I, cfg, tables, substep, n_lanes)
-                _pay_out_over_substep(S, I, cfg, tables, substep, control_dt, n_lanes)
-                given = (substep - cfg[DELAY_SUBSTEPS]) // n_substeps
-                acting = cfg[ROW_COMMANDS] + (position + given) % commands
-                if cfg[DELAY_VARIES] == 1:
-                    acting = ACTING_COMMAND
-                    _late_commands(S, cfg, position, substep, n_substeps, commands, n_lanes)
-                if cfg[WINCH_DRIVEN] == 1:
-                    at_once = cfg[ACCELERATION_LIMITED] == 0
-                    driven_winch_step(S, acting, n_lanes, dt, cfg[SECOND_ORDER_WINCH] == 1, at_once)
-                elif cfg[WINCH_LIMITED] == 1:
-                    limited_winch_step(S, acting, n_lanes, dt, cfg[ACCELERATION_LIMITED] == 0)
-                else:
-                    free_winch_step(S, acting, n_lanes)
-                if cfg[IS_LINEAR] == 1:
-                    _linear_substep(S, n_lanes)
-                else:
-                    _cable_substep(S, cfg, dt, lanes)
-            per_step = real(1.0 / control_dt)
-            for lane in range(n_lanes):
-                S[BOOM_TIP_HEAVE, lane] = S[SHEAVE_NEW, lane]
-                S[BOOM_TIP_HEAVE_RATE, lane] = S[SHEAVE_RATE_NEW, lane]
-                S[WINCH_POWER, lane] = S[STEP_WORK, lane] * per_step
-                S[SUPPLY_POWER, lane] = S[STEP_SUPPLY, lane] * per_step
+                _substep(S, W, I, cfg, tables, command_slot, substep, control_dt / n_substeps)
+            S[BOOM_TIP_HEAVE], S[BOOM_TIP_HEAVE_RATE] = W[SHEAVE_NEW], W[SHEAVE_RATE_NEW]
+            per_step = constant(S, 1.0 / control_dt)
+            S[WINCH_POWER], S[SUPPLY_POWER] = W[STEP_WORK] * per_step, W[STEP_SUPPLY] * per_step
             if cfg[IS_LINEAR] == 0:
-                _show_cable(S, cfg, 0, n_lanes)
-            _charge(S, I, cfg, block, n_envs, reward, outcome, n_lanes)
-            for lane in range(n_lanes):
-                I[STEP, lane] += _ONE
-            _measure(S, I, cfg, tables, position + 1, 0, n_lanes)
-            _observe(S, cfg, position + 1, block, n_envs, observation, 0, n_lanes)
-            if len(channels) > 0:
-                _show(S, block, n_envs, channels, 0, n_lanes)
+                _show_cable(S, cfg)
+            reward = block_at(cfg[ADDRESS_REWARD] + first_row * 8, 0, n_lanes, plain)
+            outcome = words_at(cfg[ADDRESS_OUTCOME] + first_row * 8, n_lanes, plain)
+            _charge(S, W, I, cfg, reward, outcome)
+            I[STEP] = I[STEP] + constant(I, 1)
+            _measure(S, W, I, cfg, tables, slot, noise + (n_sea + 3) // 4 * 4)
+            observation = block_at(cfg[ADDRESS_OBSERVATION] + first_row * cfg[N_OBSERVED] * 4, 1, 1, 0)
+            _observe(S, W, cfg, slot, command_slot, observation, n_rows)
 
-    @njit(cache=True, nogil=True, error_model="numpy")
-    def begin(state, counters, cfg, tables, control_dt, position, mask, observation, channels):
-        """Begins a new episode in the masked rows: the sea stationary, cable and payload hanging still,
-        the winch at rest or in the middle of compensating.
+    @njit(cache=True, nogil=n_lanes > 1, error_model="numpy")
+    def begin(share, position):
+        """Begins a new episode in the rows that the plant marked: the sea stationary, cable and payload
+        hanging still, the winch at rest or in the middle of compensating.
 
-        The seeds and episodes must stand in `counters`; `position` is where the rings stand now.
+        The arguments are those of `advance`, but all blocks are looked at. The seeds and episodes must stand
+        in the counters. There is a mark for each lane of each block: lanes beyond the last environment run
+        along and need a state too.
         """
         if fingerprint == 0:
             return
-        real = state.dtype.type
-        zero = real(0.0)
-        n_envs = len(mask)
-        # Lanes beyond the last environment run along, so they need a state too.
-        for row in range(state.shape[0] * n_lanes):
-            if row < n_envs and not mask[row]:
+        align_stack()
+        cfg = integers_at(integers_at(share)[SHARE_CONFIGURATION])
+        tables = block_at(cfg[ADDRESS_TABLES], 0, 1, 0)
+        W = lane_of(block_at(integers_at(share)[SHARE_SCRATCH], single, n_lanes, plain), 0)
+        begins = integers_at(cfg[ADDRESS_BEGINS])
+        command_slot = (position + cfg[N_PENDING]) % (cfg[N_PENDING] + 1)
+        slot = position % cfg[SENSOR_RING]
+        for row in range(-(-cfg[N_ENVS] // n_lanes) * n_lanes):
+            if begins[row] == 0:
                 continue
-            block, lane = row // n_lanes, row % n_lanes
-            S, I = block_of_lanes(state[block], n_lanes), counters[block]
-            I[STEP, lane] = _ZERO
+            block, number = row // n_lanes, row % n_lanes
+            address = cfg[ADDRESS_STATE] + block * cfg[N_ROWS] * (n_lanes * itemsize)
+            S = lane_of(block_at(address, single, n_lanes, plain), number)
+            address = cfg[ADDRESS_COUNTERS] + block * (N_COUNTERS * n_lanes * 8)
+            I = lane_of(words_at(address, n_lanes, plain), number)
+            zero = constant(S, 0.0)
+            I[STEP] = constant(I, 0)
             for channel in range(N_CHANNELS):
-                S[channel, lane] = zero
-            S[NEW_BOOM_TIP, lane] = zero
-            S[NEW_BOOM_TIP_RATE, lane] = zero
+                S[channel] = zero
+            W[NEW_BOOM_TIP], W[NEW_BOOM_TIP_RATE] = zero, zero
             if cfg[SEA_KIND] == FILTERED:
-                _begin_filter(S, I, cfg, tables, lane)
+                _begin_filter(S, W, I, cfg, tables)
             elif cfg[SEA_KIND] == SINUSOIDS:
-                _begin_sinusoids(S, I, cfg, tables, lane)
-                _sum_sinusoids(S, I, cfg, tables, control_dt, 0.0, lane, lane + 1)
+                _begin_sinusoids(S, I, cfg, tables)
+                _sum_sinusoids(S, W, I, cfg, tables, 0.0)
             elif cfg[SEA_KIND] == RECORDED:
-                S[NEW_BOOM_TIP, lane] = real(tables[cfg[AT_RECORDING]])
-                S[NEW_BOOM_TIP_RATE, lane] = real(tables[cfg[AT_RECORDING] + 1])
-            S[BOOM_TIP_HEAVE, lane] = S[NEW_BOOM_TIP, lane]
-            S[BOOM_TIP_HEAVE_RATE, lane] = S[NEW_BOOM_TIP_RATE, lane]
-            S[PAYOUT_RATE, lane] = zero
+                W[NEW_BOOM_TIP] = constant(S, tables[cfg[AT_RECORDING]])
+                W[NEW_BOOM_TIP_RATE] = constant(S, tables[cfg[AT_RECORDING] + 1])
+            S[BOOM_TIP_HEAVE] = W[NEW_BOOM_TIP]
+            S[BOOM_TIP_HEAVE_RATE] = W[NEW_BOOM_TIP_RATE]
+            S[PAYOUT_RATE] = zero
             command = zero
             if cfg[BEGINS_COMPENSATED] == 1:
-                reach = min(S[STROKE_LIMIT, lane], S[COMMAND_RANGE, lane])
-                fastest, most = S[SPEED_LIMIT, lane], S[COMMAND_RANGE, lane]
-                S[WINCH_DISPLACEMENT, lane] = max(min(-S[BOOM_TIP_HEAVE, lane], reach), -reach)
-                S[WINCH_RATE, lane] = max(min(-S[BOOM_TIP_HEAVE_RATE, lane], fastest), -fastest)
+                reach = min(S[STROKE_LIMIT], S[COMMAND_RANGE])
+                fastest, most = S[SPEED_LIMIT], S[COMMAND_RANGE]
+                S[WINCH_DISPLACEMENT] = max(min(-S[BOOM_TIP_HEAVE], reach), -reach)
+                S[WINCH_RATE] = max(min(-S[BOOM_TIP_HEAVE_RATE], fastest), -fastest)
                 # The command that gives the lag this rate, as if it had been given all along.
-                wanted = S[WINCH_DISPLACEMENT, lane] + S[WINCH_RATE, lane] / S[WINCH_RATE_CONSTANT, lane]
+                wanted = S[WINCH_DISPLACEMENT] + S[WINCH_RATE] / S[WINCH_RATE_CONSTANT]
                 command = max(min(wanted, most), -most)
             if cfg[IS_LINEAR] == 1:
-                S[PAYLOAD_HEAVE, lane] = S[BOOM_TIP_HEAVE, lane] + S[WINCH_DISPLACEMENT, lane]
+                S[PAYLOAD_HEAVE] = S[BOOM_TIP_HEAVE] + S[WINCH_DISPLACEMENT]
             else:
-                S[LENGTH, lane] = S[INITIAL_LENGTH, lane] - S[WINCH_DISPLACEMENT, lane]
-                hookean = cfg[HOOKEAN] == 1
-                hang_still(S, lane, cfg[ROW_NODES], cfg[N_ELEMENTS], -S[BOOM_TIP_HEAVE, lane], hookean)
-                _show_cable(S, cfg, lane, lane + 1)
-                S[SHEAVE_TENSION, lane] = S[PAYLOAD_WEIGHT, lane] + S[CABLE_WEIGHT, lane] * S[LENGTH, lane]
-                S[PAYLOAD_TENSION, lane] = S[PAYLOAD_WEIGHT, lane]
-                S[TENSION_MIN, lane] = S[PAYLOAD_TENSION, lane]
-                S[TENSION_MAX, lane] = S[SHEAVE_TENSION, lane]
+                S[LENGTH] = S[INITIAL_LENGTH] - S[WINCH_DISPLACEMENT]
+                hang_still(S, cfg[ROW_NODES], cfg[N_ELEMENTS], -S[BOOM_TIP_HEAVE], cfg[HOOKEAN] == 1)
+                _show_cable(S, cfg)
+                S[SHEAVE_TENSION] = S[PAYLOAD_WEIGHT] + S[CABLE_WEIGHT] * S[LENGTH]
+                S[PAYLOAD_TENSION] = S[PAYLOAD_WEIGHT]
+                S[TENSION_MIN] = S[PAYLOAD_TENSION]
+                S[TENSION_MAX] = S[SHEAVE_TENSION]
             for i in range(cfg[N_PENDING] + 1):
-                S[cfg[ROW_COMMANDS] + i, lane] = command
+                S[cfg[ROW_COMMANDS] + i] = command
             if cfg[SENSORS_ERR] == 1:
-                _begin_sensors(S, I, cfg, tables, lane)
+                _begin_sensors(S, I, cfg, tables)
             # Before the episode the sensors are taken to have read what they read now.
-            _measure(S, I, cfg, tables, position, lane, lane + 1)
             n = cfg[N_SENSORS]
-            now = cfg[ROW_SENSORS] + (position % cfg[SENSOR_RING]) * n
+            _draw_normals(W, I, cfg[WORK_NOISE], 0, SENSORS, n, SENSORS, 0)
+            _measure(S, W, I, cfg, tables, slot, cfg[WORK_NOISE])
             for past in range(cfg[SENSOR_RING]):
                 for s in range(n):
-                    S[cfg[ROW_SENSORS] + past * n + s, lane] = S[now + s, lane]
-            _observe(S, cfg, position, block, n_envs, observation, lane, lane + 1)
-            if len(channels) > 0:
-                _show(S, block, n_envs, channels, lane, lane + 1)
+                    S[cfg[ROW_SENSORS] + past * n + s] = S[cfg[ROW_SENSORS] + slot * n + s]
+            if row < cfg[N_ENVS]:
+                observation = block_at(cfg[ADDRESS_OBSERVATION] + row * cfg[N_OBSERVED] * 4, 1, 1, 0)
+                _observe(S, W, cfg, slot, command_slot, observation, 1)
 
     return advance, begin
 
 
-KERNELS = {n_lanes: _make(n_lanes, source_fingerprint()) for n_lanes in (1, 16)}
-"""`advance` and `begin` by lanes per block: one for single environments, sixteen for batches."""
+BATCH_LANES = {"float64": 16, "float32": 32}
+"""Environments per block of a batch, by precision."""
+KERNELS = {
+    (dtype, n_lanes): _make(int(dtype == "float32"), n_lanes, 0, source_fingerprint())
+    for dtype, most in BATCH_LANES.items()
+    for n_lanes in (1, most)
+}
+"""`advance` and `begin` by precision and lanes per block: one for single environments, many for batches."""

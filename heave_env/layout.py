@@ -1,7 +1,7 @@
 """Rows of the state buffer, known to the compiled stages and to nobody outside the plant.
 
 All real state of a batch lies in one buffer of shape (n_blocks, n_rows, n_lanes): environments are
-the innermost axis, so that every loop over lanes is a vector operation. The rows below stand first;
+the innermost axis, so that a row is one value of `heave_env.lanes`. The rows below stand first;
 behind them follow, at offsets kept in the integer configuration, the wave filter, the sinusoids, the
 command ring, the sensor ring and the cable's nodes.
 """
@@ -111,49 +111,62 @@ COMPENSATOR_DAMPING = 78
 COMPENSATOR_MASS = 79
 HALF_STROKE = 80
 
-# Scratch of a step, rewritten by every step.
-OLD_BOOM_TIP = 81
-OLD_BOOM_TIP_RATE = 82
-NEW_BOOM_TIP = 83
-NEW_BOOM_TIP_RATE = 84
-SHEAVE_OLD = 85
-SHEAVE_NEW = 86
-WINCH_OLD = 87
-WINCH_RATE_START = 88
-LENGTH_OLD = 89
-MID_LENGTH = 90
-LENGTH_SPEED = 91
-STEP_WORK = 92
-SHEAVE_RATE_OLD = 93
-SHEAVE_RATE_NEW = 94
-PAYOUT_RATE = 95
-STEP_SUPPLY = 96
-ACTING_COMMAND = 97
-BOOM_TIP_BELOW = 98
-COMPENSATOR_OLD = 99
-FIRST_TRIAL = 100
-FIRST_GAP = 101
-SCRATCH = 102
+# Of a rope beyond Hooke's law, whose stored energy over EA is e²/2 + QUADRATIC e³ + CUBIC e⁴.
+CABLE_QUADRATIC = 81
+CABLE_CUBIC = 82
+RELAXING_STIFFNESS = 83
+RELAXATION_RATE = 84
+# The operation's pay-out rate, which is not a channel.
+PAYOUT_RATE = 85
+# Price of the winch's work whatever its sign, per metre moved (linear) or joule (cable).
+ENERGY_WEIGHT = 86
+N_FIXED = 87
 
-# Of a rope beyond Hooke's law, whose stored energy over EA is e²/2 + QUADRATIC e³ + CUBIC e⁴; the last row is
-# scratch.
-CABLE_QUADRATIC = 112
-CABLE_CUBIC = 113
-RELAXING_STIFFNESS = 114
-RELAXATION_RATE = 115
-RELAXING_SHARE = 116
-# Price of the winch's work whatever its sign, per metre moved (linear) or joule (cable), and the step's sum.
-ENERGY_WEIGHT = 117
-STEP_MOVED = 118
-N_FIXED = 119
-
-# Fields of a node; the node j stands at the rows from `nodes + N_NODE_FIELDS * j`.
+# Fields of a node; the node j stands at the rows from `nodes + N_NODE_FIELDS * j`. The tension is that of the
+# element below the node, mean over the last solver step.
 DISPLACEMENT = 0
 VELOCITY = 1
-INCREMENT = 2
-TRIAL_VELOCITY = 3
-SUPER = 4
-LOAD = 5
-ELEMENT_STIFFNESS = 6
-ELEMENT_TENSION = 7
-N_NODE_FIELDS = 8
+TENSION = 2
+N_NODE_FIELDS = 3
+
+# Rows of the scratch block, which a step fills before it reads them: one serves all blocks in turn, so that
+# it stays in the cache.
+OLD_BOOM_TIP = 0
+OLD_BOOM_TIP_RATE = 1
+NEW_BOOM_TIP = 2
+NEW_BOOM_TIP_RATE = 3
+SHEAVE_OLD = 4
+SHEAVE_NEW = 5
+SHEAVE_RATE_OLD = 6
+SHEAVE_RATE_NEW = 7
+WINCH_OLD = 8
+WINCH_RATE_START = 9
+LENGTH_OLD = 10
+LENGTH_SPEED = 11
+STEP_WORK = 12
+STEP_SUPPLY = 13
+ACTING_COMMAND = 14
+BOOM_TIP_BELOW = 15
+COMPENSATOR_OLD = 16
+FIRST_TRIAL = 17
+FIRST_GAP = 18
+CONVECTION = 19
+NODE_MASS = 20
+NODE_DRAG = 21
+NODE_WEIGHT = 22
+PER_OLD_SPACING = 23
+PER_MID_SPACING = 24
+RELAXING_SHARE = 25
+LINEAR_GAP = 26
+WINCH_GAP = 27
+STEP_MOVED = 28
+SHOWN = 29  # four rows
+N_SCRATCH = 33
+
+# Fields of a node in the scratch block; what is called tension and stiffness belongs to the element below.
+SUPER = 0
+INCREMENT = 1
+TRIAL_VELOCITY = 2
+ELEMENT_STIFFNESS = 3
+ELEMENT_TENSION = 4
+N_WORK_FIELDS = 5

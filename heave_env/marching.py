@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from heave_env.compiled import announce_compilation, source_fingerprint, stage
-from heave_env.kernel import DIVERGED, KERNELS, RUNNING
+from heave_env.kernel import DIVERGED, KERNELS, RUNNING, SHARE_FIRST_BLOCK, SHARE_LAST_BLOCK
 from heave_env.layout import (
     COMMAND_COST,
     ENERGY_COST,
@@ -117,19 +117,19 @@ def _make(which: int, fingerprint: int):
 
     @njit(cache=True, nogil=True, error_model="numpy")
     def march(
-        state, observation, reward, outcome, before, position, after, n_steps, n_settling, given, widths,
-        parameters, cable, columns, record, totals, first_block, last_block,
+        state, observation, actions, reward, outcome, share, position, n_steps, n_settling, given, widths,
+        parameters, cable, columns, record, totals,
     ):  # fmt: skip
         """Advances the rows of the blocks by many control steps.
 
         Args:
             state: The plant's state, (n_blocks, n_rows, n_lanes).
             observation: What the kernel fills, (n_envs, n_observed).
+            actions: What the kernel reads, as long as all blocks together.
             reward: What the kernel fills, (n_envs,).
             outcome: What the kernel fills, (n_envs,).
-            before: The kernel's arguments before the position.
+            share: What the kernel is told of: configuration, scratch block, first block and last, (4,).
             position: Control steps that the batch has made.
-            after: The kernel's arguments between the actions and the blocks.
             n_steps: Control steps to make.
             n_settling: How many of them count for nothing but a failure.
             given: Fractions of the command range, (n_steps, n_envs); no rows under a policy.
@@ -139,19 +139,18 @@ def _make(which: int, fingerprint: int):
             columns: Channels to record.
             record: Filled from its second instant on, (n_columns, n_steps + 1, n_envs).
             totals: Filled, (N_TOTALS, n_envs).
-            first_block: First block to advance.
-            last_block: The block to stop before.
         """
         if fingerprint == 0:
             return
         n_envs, n_observed = observation.shape
         n_lanes = state.shape[2]
         acts = len(given) == 0
-        actions = np.zeros(n_envs)
+        own_share = share.copy()
         widest = max(widths)
         x, y = np.zeros((widest, n_lanes), np.float32), np.zeros((widest, n_lanes), np.float32)
         own = np.zeros((N_TOTALS, n_lanes))
-        for block in range(first_block, last_block):
+        for block in range(share[SHARE_FIRST_BLOCK], share[SHARE_LAST_BLOCK]):
+            own_share[SHARE_FIRST_BLOCK], own_share[SHARE_LAST_BLOCK] = block, block + 1
             first_row = block * n_lanes
             n_rows = min(n_lanes, n_envs - first_row)
             own[:] = 0.0
@@ -169,13 +168,13 @@ def _make(which: int, fingerprint: int):
                         actions[first_row + lane] = given[step, first_row + lane]
                 # Only one of these is compiled.
                 if which == 0:
-                    _first(*before, position + step, actions, *after, block, block + 1)
+                    _first(own_share.ctypes.data, position + step)
                 elif which == 1:
-                    _second(*before, position + step, actions, *after, block, block + 1)
+                    _second(own_share.ctypes.data, position + step)
                 elif which == 2:
-                    _third(*before, position + step, actions, *after, block, block + 1)
+                    _third(own_share.ctypes.data, position + step)
                 else:
-                    _fourth(*before, position + step, actions, *after, block, block + 1)
+                    _fourth(own_share.ctypes.data, position + step)
                 for c in range(len(columns)):
                     for lane in range(n_rows):
                         record[c, step + 1, first_row + lane] = state[block, columns[c], lane]
@@ -186,11 +185,14 @@ def _make(which: int, fingerprint: int):
             for total in range(N_TOTALS):
                 for lane in range(n_rows):
                     totals[total, first_row + lane] = own[total, lane]
+        # The kernel reads this memory by its address alone: it must live until here.
+        own_share[SHARE_FIRST_BLOCK] = 0
 
     return march
 
 
 LOOPS = {key: _make(which, source_fingerprint()) for which, key in enumerate(KERNELS)}
 """The loop around each of `KERNELS`, by its key there."""
-for _loop in LOOPS.values():
-    announce_compilation((_loop,), "the loop over many steps (about 15 s)")
+for (_, _n_lanes), _loop in LOOPS.items():
+    _of = "one environment" if _n_lanes == 1 else "a batch"
+    announce_compilation((_loop,), f"the loop over many steps of {_of} (about 15 s)")

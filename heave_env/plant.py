@@ -8,17 +8,18 @@ from __future__ import annotations
 
 import math
 from concurrent.futures import ThreadPoolExecutor
-from functools import partial
 from itertools import pairwise
 from typing import Any
 
 import numpy as np
+from numba import types
 from scipy.linalg import expm
 
 from heave_env import kernel as k
 from heave_env import layout as rows
-from heave_env.cable.axial import fill_parameters, n_cable_rows, node_rows
-from heave_env.compiled import announce_compilation
+from heave_env.cable.axial import fill_parameters, fill_work, n_cable_rows, n_work_rows
+from heave_env.compiled import announce_compilation, entry_point
+from heave_env.lanes import aligned_zeros
 from heave_env.marching import LOOPS
 from heave_env.parameters import LinearPayload, Winch
 from heave_env.rollouts import rollout
@@ -30,8 +31,6 @@ from heave_env.vessel import boom_tip_components, boom_tip_filter
 
 Array = np.ndarray
 
-BATCH_LANES = 16
-"""Environments per block of a batch."""
 _SEA_KINDS = {
     "calm": k.CALM,
     "shaping_filter": k.FILTERED,
@@ -40,9 +39,9 @@ _SEA_KINDS = {
     "recorded": k.RECORDED,
 }
 DTYPES = ("float64", "float32")
-for _n_lanes, _kernel in k.KERNELS.items():
+for (_dtype, _n_lanes), _kernel in k.KERNELS.items():
     _of = "one environment" if _n_lanes == 1 else "a batch"
-    announce_compilation(_kernel, f"the plant's kernel for {_of} (about 15 s)")
+    announce_compilation(_kernel, f"the plant's kernel for {_of} in {_dtype} (about 15 s)")
 
 
 def cubic_coefficients(n_substeps: int, control_dt: float) -> Array:
@@ -145,8 +144,6 @@ class Plant:
     """What became of each row in the last step: 0 running, 1 diverged, 2 lost, 3 landed, (n_envs,)."""
     drawn: Array
     """What the present episode drew for each of `scenario.uncertainty`, (n_envs, n_draws)."""
-    channels: Array
-    """Physical channels, ordered as `layout.CHANNEL_NAMES`, (n_envs, n_channels); no rows unless shown."""
 
     def __init__(
         self,
@@ -155,8 +152,8 @@ class Plant:
         *,
         dtype: str = "float64",
         n_steps: int | None = None,
-        show_channels: bool = True,
         n_threads: int = 1,
+        keeps_tensions: bool = False,
     ) -> None:
         """Lays the scenario out in buffers.
 
@@ -165,8 +162,8 @@ class Plant:
             n_envs: Environments in the batch.
             dtype: Precision of the physics, "float64" or "float32".
             n_steps: Control steps of an episode; the scenario's own if not given.
-            show_channels: Whether to fill `channels`.
             n_threads: Threads that share the blocks of a large batch.
+            keeps_tensions: Whether `element_tensions` is wanted.
 
         Raises:
             ValueError: If an argument is impossible, or a recording cannot be used.
@@ -180,24 +177,89 @@ class Plant:
         self.n_envs = int(n_envs)
         self.dtype = dtype
         self.n_steps = scenario.n_steps if n_steps is None else n_steps
-        self.n_lanes = 1 if n_envs == 1 else BATCH_LANES
+        self._keeps_tensions = keeps_tensions
+        self.n_lanes = 1 if n_envs == 1 else k.BATCH_LANES[dtype]
         self.n_blocks = -(-self.n_envs // self.n_lanes)
-        self._advance, self._begin = k.KERNELS[self.n_lanes]
         self._lay_out()
+        # Lanes beyond the last environment run along, so these are as long as all blocks together.
+        n_lanes = self.n_blocks * self.n_lanes
+        self._reward = aligned_zeros((n_lanes,), np.float64)
+        self._outcome = aligned_zeros((n_lanes,), np.int64)
+        self._actions = aligned_zeros((n_lanes,), np.float64)
+        self._begins = np.ones(n_lanes, dtype=np.int64)
         self.observation = np.zeros((self.n_envs, len(scenario.observation_names)), dtype=np.float32)
-        self.reward = np.zeros(self.n_envs)
-        self.outcome = np.zeros(self.n_envs, dtype=np.int64)
         self.drawn = np.zeros((self.n_envs, len(scenario.uncertainty)))
-        self.channels = np.zeros((self.n_envs if show_channels else 0, rows.N_CHANNELS))
-        shown = self._state[:, : rows.N_CHANNELS]
-        self._channel_rows = shown[0, :, 0] if self.n_lanes == 1 else shown
         self._position = 0
-        self._buffers = (self._state, self._counters, self._cfg, self._tables, scenario.control_dt)
-        self._shown = (self.observation, self.reward, self.outcome, self.channels)
         n_threads = min(int(n_threads), self.n_blocks)
         cuts = np.linspace(0, self.n_blocks, n_threads + 1).astype(int)
-        self._shares = [(int(a), int(b)) for a, b in pairwise(cuts)]
+        self._cuts = [(int(a), int(b)) for a, b in pairwise(cuts)]
+        n_scratch = int(self._cfg[k.WORK_CABLE])
+        n_scratch += 0 if scenario.is_linear else n_work_rows(scenario.n_elements)
+        self._scratch = aligned_zeros((n_threads, n_scratch, self.n_lanes), dtype)
+        for scratch in self._scratch[:, self._cfg[k.WORK_CABLE] :] if not scenario.is_linear else ():
+            fill_work(scratch)
         self._pool = ThreadPoolExecutor(n_threads) if n_threads > 1 else None
+        self._bind()
+
+    def _bind(self) -> None:
+        """Tells the kernel where everything lies; a copy of the plant has memory of its own."""
+        cfg = self._cfg
+        cfg[k.ADDRESS_STATE] = self._state.ctypes.data
+        cfg[k.ADDRESS_COUNTERS] = self._counters.ctypes.data
+        cfg[k.ADDRESS_TABLES] = self._tables.ctypes.data
+        cfg[k.ADDRESS_OBSERVATION] = self.observation.ctypes.data
+        cfg[k.ADDRESS_REWARD] = self._reward.ctypes.data
+        cfg[k.ADDRESS_OUTCOME] = self._outcome.ctypes.data
+        cfg[k.ADDRESS_ACTIONS] = self._actions.ctypes.data
+        cfg[k.ADDRESS_BEGINS] = self._begins.ctypes.data
+        self.reward, self.outcome = self._reward[: self.n_envs], self._outcome[: self.n_envs]
+        shown = self._state[:, : rows.N_CHANNELS]
+        self._channel_rows = shown[0, :, 0] if self.n_lanes == 1 else shown
+        self._shares = np.array(
+            [
+                (cfg.ctypes.data, scratch.ctypes.data, a, b)
+                for scratch, (a, b) in zip(self._scratch, self._cuts, strict=True)
+            ]
+        )
+        self._calls = [share.ctypes.data for share in self._shares]
+        self._first_call = self._calls[0]
+        self._advance, self._begin = self._advance_at_first, self._begin_at_first
+
+    def _compile(self) -> None:
+        """Puts the compiled functions in place of the two below, which stand for them until then."""
+        advance, begin = k.KERNELS[self.dtype, self.n_lanes]
+        self._begin = entry_point(begin, types.int64, types.int64)
+        self._advance = entry_point(advance, types.int64, types.int64)
+
+    def _advance_at_first(self, share: int, position: int) -> None:
+        self._compile()
+        self._advance(share, position)
+
+    def _begin_at_first(self, share: int, position: int) -> None:
+        self._compile()
+        self._begin(share, position)
+
+    def __getstate__(self) -> dict[str, Any]:
+        """Everything but the compiled functions, views and addresses."""
+        bound = {
+            "reward",
+            "outcome",
+            "_channel_rows",
+            "_advance",
+            "_begin",
+            "_shares",
+            "_calls",
+            "_first_call",
+        }
+        return {name: value for name, value in self.__dict__.items() if name not in bound}
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        self.__dict__.update(state)
+        for name in ("_state", "_counters", "_reward", "_outcome", "_actions", "_scratch"):
+            given = self.__dict__[name]
+            self.__dict__[name] = aligned_zeros(given.shape, given.dtype)
+            self.__dict__[name][...] = given
+        self._bind()
 
     def _lay_out(self) -> None:
         scenario = self.scenario
@@ -230,6 +292,7 @@ class Plant:
         cfg[k.SENSORS_VARY] = "sensors" in scenario.varies
         cfg[k.DELAY_VARIES] = any(draw.parameter == "winch.command_delay" for draw in scenario.uncertainty)
         cfg[k.HOOKEAN] = scenario.is_hookean
+        cfg[k.KEEPS_TENSIONS] = self._keeps_tensions
         cfg[k.CHARGES_ENERGY] = scenario.task.energy_weight > 0.0
         cfg[k.HAS_COMPENSATOR] = scenario.compensator is not None
         cfg[k.SENSORS_ERR] = not all(sensor.is_plain for sensor in sensors)
@@ -242,9 +305,11 @@ class Plant:
         cfg[k.N_STEPS] = self.n_steps
         cfg[k.HAS_PAY_OUT] = scenario.pay_out.speed != 0.0
         cfg[k.BEGINS_COMPENSATED] = scenario.start == "compensated"
+        cfg[k.N_ENVS] = self.n_envs
+        cfg[k.N_OBSERVED] = len(scenario.observation_names)
         row = rows.N_FIXED
         for key, count in (
-            (k.ROW_FILTER, 2 * n_filter + 4 * -(-n_filter // 4)),
+            (k.ROW_FILTER, n_filter),
             (k.ROW_COMPONENTS, 2 * int(cfg[k.N_COMPONENTS])),
             (k.ROW_COMMANDS, n_held + 1),
             (k.ROW_SENSORS, int(cfg[k.SENSOR_RING]) * len(sensors)),
@@ -259,7 +324,12 @@ class Plant:
         ):
             cfg[key] = row
             row += count
-        tables: list[Array] = []
+        cfg[k.N_ROWS] = row
+        cfg[k.WORK_FILTER] = rows.N_SCRATCH
+        cfg[k.WORK_NOISE] = cfg[k.WORK_FILTER] + n_filter
+        n_quads = -(-n_filter // 4) + -(-len(sensors) // 4)
+        cfg[k.WORK_CABLE] = cfg[k.WORK_NOISE] + 4 * n_quads
+        tables: list[Array] = [np.array([scenario.control_dt])]
 
         def place(key: int, *parts: Any) -> None:
             cfg[key] = sum(len(table) for table in tables)
@@ -275,13 +345,10 @@ class Plant:
         readings = [
             (rows.CHANNEL_NAMES.index(sensor.channel), age) for sensor, age in zip(sensors, ages, strict=True)
         ]
-        cfg[k.AT_NODE_ROWS] = len(cfg) + 2 * len(readings) + len(lags)
-        nodes = node_rows(int(cfg[k.ROW_NODES]), scenario.n_elements, hookean=scenario.is_hookean)
-        parts = (cfg, np.ravel(readings), lags, nodes)
-        self._cfg = np.concatenate(parts).astype(np.int64)
+        self._cfg = np.concatenate([cfg, np.ravel(readings), lags]).astype(np.int64)
         self._tables = np.concatenate(tables)
-        self._state = np.zeros((self.n_blocks, row, self.n_lanes), dtype=self.dtype)
-        self._counters = np.zeros((self.n_blocks, k.N_COUNTERS, self.n_lanes), dtype=np.uint64)
+        self._state = aligned_zeros((self.n_blocks, row, self.n_lanes), self.dtype)
+        self._counters = aligned_zeros((self.n_blocks, k.N_COUNTERS, self.n_lanes), np.uint64)
         self._fill_parameters(self._state, scenario)
         task = scenario.task
         self._state[:, rows.FAILURE_RATE] = task.failure_factor * scenario.uncontrolled_cost
@@ -383,8 +450,10 @@ class Plant:
         if self.scenario.uncertainty:
             for row in place:
                 self._draw(int(row))
-        rows_to_begin = np.asarray(mask, dtype=np.bool_)
-        self._begin(*self._buffers, self._position, rows_to_begin, self.observation, self.channels)
+        self._begins[: self.n_envs] = mask
+        self._begin(self._first_call, self._position)
+        # Those beyond the last environment have a state now.
+        self._begins[self.n_envs :] = 0
 
     def _draw(self, row: int) -> None:
         """Draws the uncertain numbers of a row's new episode and lays its own plant out."""
@@ -404,33 +473,35 @@ class Plant:
 
     def advance(self, actions: Array) -> None:
         """Advances every row by one control step under actions in [-1, 1], (n_envs,), float64."""
-        if self._pool is None:
-            self._advance(*self._buffers, self._position, actions, *self._shown, 0, self.n_blocks)
+        if self.n_envs == 1:
+            self._actions[0] = actions[0]
         else:
-            work = [self._pool.submit(self._advance_blocks, actions, a, b) for a, b in self._shares]
-            for share in work:
-                share.result()
+            self._actions[: self.n_envs] = actions
+        if self._pool is None:
+            self._advance(self._first_call, self._position)
+        else:
+            work = [self._pool.submit(self._advance, call, self._position) for call in self._calls]
+            for done in work:
+                done.result()
         self._position += 1
 
     def advance_many(self, asked: tuple[Any, ...], n_steps: int) -> None:
         """Advances every row by `n_steps` control steps in one call of `marching`'s loop.
 
         Args:
-            asked: What the loop takes between the kernel's arguments and the blocks.
+            asked: What the loop takes behind what the plant gives.
             n_steps: Control steps, the first of what is asked.
         """
-        filled = (self._state, self.observation, self.reward, self.outcome)
-        march = partial(LOOPS[self.n_lanes], *filled, self._buffers, self._position, self._shown, *asked)
+        filled = (self._state, self.observation, self._actions, self.reward, self.outcome)
+        loop = LOOPS[self.dtype, self.n_lanes]
         if self._pool is None:
-            march(0, self.n_blocks)
+            loop(*filled, self._shares[0], self._position, *asked)
         else:
-            work = [self._pool.submit(march, a, b) for a, b in self._shares]
-            for share in work:
-                share.result()
+            given = [(*filled, share, self._position, *asked) for share in self._shares]
+            work = [self._pool.submit(loop, *arguments) for arguments in given]
+            for done in work:
+                done.result()
         self._position += n_steps
-
-    def _advance_blocks(self, actions: Array, first: int, last: int) -> None:
-        self._advance(*self._buffers, self._position, actions, *self._shown, first, last)
 
     def steps(self) -> Array:
         """Control steps that each row has made in its episode, (n_envs,)."""
@@ -445,8 +516,13 @@ class Plant:
         blocks = block.reshape(self.n_blocks, rows.N_CHANNELS, self.n_lanes)
         return blocks.transpose(1, 0, 2).reshape(rows.N_CHANNELS, -1)[:, : self.n_envs].astype(np.float64)
 
+    @property
+    def channels(self) -> Array:
+        """A copy of the physical channels, ordered as `layout.CHANNEL_NAMES`, (n_envs, n_channels)."""
+        return np.ascontiguousarray(self.channel_rows(self.channel_block()).T)
+
     def channel(self, name: str) -> Array:
-        """A copy of one physical channel, (n_envs,), whether or not channels are shown."""
+        """A copy of one physical channel, (n_envs,)."""
         row = rows.CHANNEL_NAMES.index(name)
         return self._state[:, row, :].ravel()[: self.n_envs].astype(np.float64)
 
@@ -464,11 +540,14 @@ class Plant:
         return np.stack(columns, axis=1)[: self.n_envs].astype(np.float32)
 
     def element_tensions(self, row: int) -> Array | None:
-        """Tension of each element of one row's cable, sheave to payload [N]; None without a cable."""
+        """Tension of each element of one row's cable, sheave to payload [N]; None without a cable.
+
+        Those of the beginning, unless the plant was told to keep them.
+        """
         if self.scenario.is_linear:
             return None
         block, lane = divmod(row, self.n_lanes)
-        first = int(self._cfg[k.ROW_NODES]) + rows.LOAD
+        first = int(self._cfg[k.ROW_NODES]) + rows.TENSION
         last = first + rows.N_NODE_FIELDS * self.scenario.n_elements
         return self._state[block, first : last : rows.N_NODE_FIELDS, lane].astype(np.float64)
 

@@ -47,7 +47,17 @@ from heave_env.cable.constitutive import (
 )
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.compiled import seldom, source_fingerprint, stage
-from heave_env.lanes import block_of_lanes, row
+from heave_env.lanes import (
+    absolute,
+    align_stack,
+    block_at,
+    constant,
+    fused,
+    maximum,
+    minimum,
+    numbers_from,
+    where,
+)
 from heave_env.layout import (
     CABLE_CUBIC,
     CABLE_DAMPING,
@@ -56,6 +66,7 @@ from heave_env.layout import (
     CABLE_QUADRATIC,
     CABLE_STIFFNESS,
     CABLE_WEIGHT,
+    CONVECTION,
     DISPLACEMENT,
     ELEMENT_STIFFNESS,
     ELEMENT_TENSION,
@@ -63,23 +74,28 @@ from heave_env.layout import (
     LENGTH,
     LENGTH_OLD,
     LENGTH_SPEED,
-    LOAD,
-    MID_LENGTH,
     N_FIXED,
     N_NODE_FIELDS,
+    N_SCRATCH,
+    N_WORK_FIELDS,
+    NODE_DRAG,
+    NODE_MASS,
+    NODE_WEIGHT,
     PAYLOAD_DRAG,
     PAYLOAD_INERTIA,
     PAYLOAD_TENSION,
     PAYLOAD_WEIGHT,
+    PER_MID_SPACING,
+    PER_OLD_SPACING,
     RELAXATION_RATE,
     RELAXING_SHARE,
     RELAXING_STIFFNESS,
-    SCRATCH,
     SHEAVE_NEW,
     SHEAVE_OLD,
     SHEAVE_TENSION,
     SLACK,
     SUPER,
+    TENSION,
     TENSION_MAX,
     TENSION_MIN,
     TRIAL_VELOCITY,
@@ -89,427 +105,503 @@ from heave_env.parameters import Cable, Payload, require, require_integer, requi
 
 Array = np.ndarray
 
-_CONVECTION = SCRATCH  # κ = L'/L at mid-step
-_NODE_MASS = SCRATCH + 1
-_NODE_DRAG = SCRATCH + 2
-_NODE_WEIGHT = SCRATCH + 3
-_PER_OLD_SPACING = SCRATCH + 4
-_PER_MID_SPACING = SCRATCH + 5
-
 _MOST_ITERATIONS = 40  # of a tension-only cable, before its step is halved
 _MOST_PIECES = 1024  # that a step is halved into
 _SETTLED = 1e-9  # change of a velocity within an iteration, relative to the fastest or to 1 m/s
 
 
 @stage
-def _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, first):
-    """Linearised law of each element about the trial state: T = tension + stiffness · (D_{j+1} - D_j).
-
-    T is the mean over the step, D the displacement gained to mid-step. A linear cable's law stands here in
-    increments, whose small numbers single precision keeps; a tension-only one's is `taut_tension`.
-    """
-    real = S.dtype.type
-    beta, per_dt = real(2.0 / dt), real(1.0 / dt)
-    zero, half, one, two = real(0.0), real(0.5), real(1.0), real(2.0)
-    for j in range(n_elements):
-        here = at[j]
-        below = here + N_NODE_FIELDS
-        for lane in range(n_lanes):
-            EA, CA = row(S, CABLE_STIFFNESS)[lane], row(S, CABLE_DAMPING)[lane]
-            per_spacing = row(S, _PER_MID_SPACING)[lane]
-            elongation = row(S, below + DISPLACEMENT)[lane] - row(S, here + DISPLACEMENT)[lane]
-            old = elongation * row(S, _PER_OLD_SPACING)[lane]
-            # The old elongation on the cable's length at mid-step: the strain without any increment.
-            base = elongation * per_spacing
-            stiffness = EA + beta * CA
-            tension = EA * base + beta * CA * (base - old)
-            if tension_only:
-                gained_to_middle = (
-                    row(S, below + INCREMENT)[lane] - row(S, here + INCREMENT)[lane]
-                ) * per_spacing
-                gained_to_middle = zero if first else gained_to_middle
-                new = two * (base + gained_to_middle) - old
-                tension, slope = taut_tension(old, new, EA, CA, per_dt, zero, half, one)
-                stiffness = two * slope
-                tension -= stiffness * gained_to_middle
-            row(S, here + ELEMENT_STIFFNESS)[lane] = stiffness * per_spacing
-            row(S, here + ELEMENT_TENSION)[lane] = tension
+def _begin_step(S, W, n_elements):
+    """What the step's two lengths fix once for all iterations: convection, mass, drag, weight, spacings."""
+    h, n, one = constant(S, 1.0 / n_elements), constant(S, float(n_elements)), constant(S, 1.0)
+    old, new = W[LENGTH_OLD], S[LENGTH]
+    middle = constant(S, 0.5) * (old + new)
+    spacing, per_middle = h * middle, one / middle
+    W[CONVECTION] = W[LENGTH_SPEED] * per_middle
+    W[NODE_MASS] = S[CABLE_INERTIA] * spacing
+    W[NODE_DRAG] = S[CABLE_DRAG] * spacing
+    W[NODE_WEIGHT] = S[CABLE_WEIGHT] * spacing
+    W[PER_OLD_SPACING] = n / old
+    W[PER_MID_SPACING] = n * per_middle
 
 
 @stage
-def _rope_strains(S, here, lane, first):
-    """Old and new strain of the element below a node, the mid-step's gain and its base, as in
-    `_constitutive_pass`."""
-    real = S.dtype.type
-    zero, two = real(0.0), real(2.0)
+def _strains(S, W, here, work, first):
+    """Old and new strain of the element below a node, and what it gains to mid-step."""
     below = here + N_NODE_FIELDS
-    per_spacing = row(S, _PER_MID_SPACING)[lane]
-    elongation = row(S, below + DISPLACEMENT)[lane] - row(S, here + DISPLACEMENT)[lane]
-    gained = (row(S, below + INCREMENT)[lane] - row(S, here + INCREMENT)[lane]) * per_spacing
-    gained = zero if first else gained
-    old = elongation * row(S, _PER_OLD_SPACING)[lane]
-    return old, two * (elongation * per_spacing + gained) - old, gained
+    elongation = S[below + DISPLACEMENT] - S[here + DISPLACEMENT]
+    gained = constant(S, 0.0)
+    if not first:
+        gained = (W[work + N_WORK_FIELDS + INCREMENT] - W[work + INCREMENT]) * W[PER_MID_SPACING]
+    old = elongation * W[PER_OLD_SPACING]
+    # The old elongation on the cable's length at mid-step is the strain without any increment.
+    return old, constant(S, 2.0) * (elongation * W[PER_MID_SPACING] + gained) - old, gained
 
 
 @seldom
-def _rope_pass(S, at, n_elements, n_lanes, dt, tension_only, first):
-    """`_constitutive_pass` of a rope beyond Hooke's law.
+def _constitutive_pass(S, W, nodes, work, n_elements, dt, tension_only, hookean, first):
+    """Linearised law of each element about the trial state: T = tension + stiffness · (D_{j+1} - D_j).
 
-    What its Maxwell branches hold stands in rows of its own, at `at[n_elements + 1 + j]`.
+    T is the mean over the step, D the displacement gained to mid-step. For cables that are not linear; what
+    the Maxwell branches of a rope hold stands in rows behind the nodes.
     """
-    real = S.dtype.type
-    per_dt, half_step = real(1.0 / dt), real(0.5 * dt)
-    zero, half, one, two = real(0.0), real(0.5), real(1.0), real(2.0)
-    for lane in range(n_lanes):
-        row(S, RELAXING_SHARE)[lane] = one / (one + half_step * row(S, RELAXATION_RATE)[lane])
+    align_stack()
+    per_dt, half_step = constant(S, 1.0 / dt), constant(S, 0.5 * dt)
+    one, two = constant(S, 1.0), constant(S, 2.0)
+    EA, CA, per_spacing = S[CABLE_STIFFNESS], S[CABLE_DAMPING], W[PER_MID_SPACING]
+    share = one / (one + half_step * S[RELAXATION_RATE])
+    W[RELAXING_SHARE] = share
+    branches = nodes + N_NODE_FIELDS * (n_elements + 1)
     for j in range(n_elements):
-        here, held = at[j], at[n_elements + 1 + j]
-        for lane in range(n_lanes):
-            old, new, gained = _rope_strains(S, here, lane, first)
+        element = work + N_WORK_FIELDS * j
+        old, new, gained = _strains(S, W, nodes + N_NODE_FIELDS * j, element, first)
+        if hookean:
+            tension, slope = taut_tension(old, new, EA, CA, per_dt)
+        else:
             tension, slope, _ = rope_tension(
                 old,
                 new,
-                row(S, held)[lane],
-                row(S, CABLE_STIFFNESS)[lane],
-                row(S, CABLE_QUADRATIC)[lane],
-                row(S, CABLE_CUBIC)[lane],
-                row(S, RELAXING_STIFFNESS)[lane],
-                row(S, RELAXING_SHARE)[lane],
-                row(S, CABLE_DAMPING)[lane],
+                S[branches + j],
+                EA,
+                S[CABLE_QUADRATIC],
+                S[CABLE_CUBIC],
+                S[RELAXING_STIFFNESS],
+                share,
+                CA,
                 per_dt,
                 tension_only,
-                zero,
-                half,
-                one,
             )
-            stiffness = two * slope
-            row(S, here + ELEMENT_STIFFNESS)[lane] = stiffness * row(S, _PER_MID_SPACING)[lane]
-            row(S, here + ELEMENT_TENSION)[lane] = tension - stiffness * gained
+        stiffness = two * slope
+        W[element + ELEMENT_STIFFNESS] = stiffness * per_spacing
+        W[element + ELEMENT_TENSION] = tension - stiffness * gained
 
 
 @seldom
-def _relax(S, at, n_elements, n_lanes, tension_only):
+def _relax(S, W, nodes, work, n_elements, tension_only):
     """Moves what the Maxwell branches hold on to the end of the step, before the nodes move."""
-    real = S.dtype.type
-    zero, half, one = real(0.0), real(0.5), real(1.0)
+    align_stack()
+    zero, share, branches = constant(S, 0.0), W[RELAXING_SHARE], nodes + N_NODE_FIELDS * (n_elements + 1)
+    EA, quadratic, cubic, EA1 = S[CABLE_STIFFNESS], S[CABLE_QUADRATIC], S[CABLE_CUBIC], S[RELAXING_STIFFNESS]
     for j in range(n_elements):
-        here, held = at[j], at[n_elements + 1 + j]
-        for lane in range(n_lanes):
-            old, new, _ = _rope_strains(S, here, lane, False)
-            before, EA1 = row(S, held)[lane], row(S, RELAXING_STIFFNESS)[lane]
-            EA, quadratic, cubic = (
-                row(S, CABLE_STIFFNESS)[lane],
-                row(S, CABLE_QUADRATIC)[lane],
-                row(S, CABLE_CUBIC)[lane],
-            )
-            share = row(S, RELAXING_SHARE)[lane]
-            _, _, middle = rope_tension(
-                old, new, before, EA, quadratic, cubic, EA1, share, zero, zero, tension_only, zero, half, one
-            )
-            row(S, held)[lane] = branch_after(
-                old, new, before, middle, EA, quadratic, cubic, EA1, share, tension_only, zero, half
-            )
+        old, new, _ = _strains(S, W, nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j, False)
+        held = S[branches + j]
+        _, _, middle = rope_tension(
+            old, new, held, EA, quadratic, cubic, EA1, share, zero, zero, tension_only
+        )
+        S[branches + j] = branch_after(old, new, held, middle, EA, quadratic, cubic, EA1, share, tension_only)
 
 
 @stage
-def _forward_pass(S, at, n_elements, n_lanes, dt, first):
-    """Assembles the momentum balance of each node in the increments D and eliminates downwards.
+def _linear_law(S, W, dt):
+    """Stiffness k and damping d of every element of a linear cable, per elongation.
 
-    Increments, not displacements: the forces that balance at rest then cancel before they are
-    multiplied by M/dt², which is what makes single precision good enough.
+    With e the elongation before the step and D the displacement gained to mid-step, the element's mean
+    tension is k (e + D_{j+1} - D_j) - d e.
     """
-    real = S.dtype.type
+    damping = constant(S, 2.0 / dt) * S[CABLE_DAMPING]
+    return (S[CABLE_STIFFNESS] + damping) * W[PER_MID_SPACING], damping * W[PER_OLD_SPACING]
+
+
+@stage
+def _share_below(S, W, work, j, n_elements):
+    """Share g of the length that lies below node j, and g², from the table that `fill_work` left."""
+    table = numbers_from(W, work + N_WORK_FIELDS * (n_elements + 1))
+    return constant(S, table[2 * j]), constant(S, table[2 * j + 1])
+
+
+@stage
+def _node(S, W, numbers, j, nodes, work, n_elements, e_above, e_below, is_linear, first):
+    """Momentum balance of node j in the increments D: what multiplies D above and below (with the sign
+    reversed), the diagonal, and the load.
+
+    W̄ = β D + V + gκ Ū_y at mid-step, and DW/Dt = β (W̄ - W) + gκ ∂W̄/∂y with the compact Ū_yy. Increments,
+    not displacements: the forces that balance at rest then cancel before they are multiplied by M/dt², which
+    is what makes single precision good enough.
+    """
+    (
+        inertia,
+        momentum,
+        steady,
+        drag,
+        carried_drag,
+        damping_drag,
+        of_mass,
+        of_drag,
+        carried,
+        curving,
+        k,
+        k_pulling,
+    ) = numbers
+    g, g_squared = _share_below(S, W, work, j, n_elements)
+    here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
+    w = S[here + VELOCITY] if first else W[element + TRIAL_VELOCITY]
+    speed = absolute(w)
+    gradient = g * fused(of_drag, speed, of_mass)
+    bend = e_below - e_above
+    if is_linear:
+        stiff = fused(-g_squared, curving, k)
+        above, below = stiff + gradient, stiff - gradient
+        load = fused(fused(-g_squared, curving, k_pulling), bend, steady)
+        diagonal = fused(constant(S, 2.0), stiff, inertia)
+    else:
+        curvature = g_squared * curving
+        k_above = W[element - N_WORK_FIELDS + ELEMENT_STIFFNESS] - curvature
+        k_below = W[element + ELEMENT_STIFFNESS] - curvature
+        above, below = k_above + gradient, k_below - gradient
+        pull = W[element + ELEMENT_TENSION] - W[element - N_WORK_FIELDS + ELEMENT_TENSION]
+        load = fused(-curvature, bend, steady) + pull
+        diagonal = inertia + (k_above + k_below)
+    # Drag linearised about w: its slope times the velocity, less what that counts too much.
+    diagonal = fused(damping_drag, speed, diagonal)
+    load = fused(speed, fused(drag, w, carried_drag), fused(momentum, S[here + VELOCITY], load))
+    load = fused(fused(g, carried, -gradient), e_above + e_below, load)
+    return above, below, diagonal, load
+
+
+@stage
+def _eliminate(W, element, back, onward, diagonal, load, share, loaded):
+    """Expresses a node's increment by the next one's, D = load + share · D_next; leaves and returns both.
+
+    `share` and `loaded` are those of the node before, which `back` couples to.
+    """
+    pivot = constant(diagonal, 1.0) / fused(-back, share, diagonal)
+    own_share, own_load = onward * pivot, fused(back, loaded, load) * pivot
+    W[element + SUPER] = own_share
+    W[element + INCREMENT] = own_load
+    return own_share, own_load
+
+
+@stage
+def _forward_pass(S, W, nodes, work, n_elements, dt, is_linear, first):
+    """Assembles the momentum balances and eliminates from both ends to the middle, whose increment it finds.
+
+    From both ends (twisted): the divisions, each of which waits for the one before, then make two chains
+    half as long.
+    """
     h = 1.0 / n_elements
-    beta = real(2.0 / dt)
-    half, one, two = real(0.5), real(1.0), real(2.0)
-    first_difference, second_difference = real(0.5 / h), real(1.0 / (h * h))
-    trial = VELOCITY if first else TRIAL_VELOCITY
-    for lane in range(n_lanes):
-        row(S, at[0] + SUPER)[lane] = real(0.0)
-        row(S, at[0] + LOAD)[lane] = half * (row(S, SHEAVE_NEW)[lane] - row(S, SHEAVE_OLD)[lane])
-    for j in range(1, n_elements):
-        here = at[j]
-        above, below = here - N_NODE_FIELDS, here + N_NODE_FIELDS
-        g = real(1.0 - j * h)
-        for lane in range(n_lanes):
-            V, gk = row(S, LENGTH_SPEED)[lane], g * row(S, _CONVECTION)[lane]
-            mu, w = row(S, _NODE_MASS)[lane], row(S, here + trial)[lane]
-            speed = abs(w)
-            drag_slope = two * row(S, _NODE_DRAG)[lane] * speed
-            # W̄ = β D + V + gκ Ū_y, and DW/Dt = β (W̄ - W) + gκ ∂W̄/∂y with the compact Ū_yy.
-            of_gradient = gk * (mu * (two * beta - row(S, _CONVECTION)[lane]) + drag_slope)
-            of_curvature = mu * gk * gk
-            gradient, curvature = first_difference * of_gradient, second_difference * of_curvature
-            k_above, k_below = row(S, above + ELEMENT_STIFFNESS)[lane], row(S, here + ELEMENT_STIFFNESS)[lane]
-            lower = -k_above - gradient + curvature
-            upper = -k_below + gradient + curvature
-            diagonal = beta * (mu * beta + drag_slope) + (k_above + k_below) - two * curvature
-            U_above, U, U_below = (
-                row(S, above + DISPLACEMENT)[lane],
-                row(S, here + DISPLACEMENT)[lane],
-                row(S, below + DISPLACEMENT)[lane],
-            )
-            slope = first_difference * (U_below - U_above)
-            bend = second_difference * ((U_below - U) - (U - U_above))
-            load = (
-                mu * beta * (row(S, here + VELOCITY)[lane] - V)
-                - drag_slope * V
-                - (of_gradient - mu * beta * gk) * slope
-                - of_curvature * bend
-                + row(S, _NODE_WEIGHT)[lane]
-                + row(S, _NODE_DRAG)[lane] * speed * w
-                + (row(S, here + ELEMENT_TENSION)[lane] - row(S, above + ELEMENT_TENSION)[lane])
-            )
-            pivot = one / (diagonal - lower * row(S, above + SUPER)[lane])
-            row(S, here + SUPER)[lane] = upper * pivot
-            row(S, here + LOAD)[lane] = (load - lower * row(S, above + LOAD)[lane]) * pivot
-    here = at[n_elements]
-    above = here - N_NODE_FIELDS
-    for lane in range(n_lanes):
-        V = row(S, LENGTH_SPEED)[lane]
-        mass = row(S, PAYLOAD_INERTIA)[lane] + half * row(S, _NODE_MASS)[lane]
-        drag = row(S, PAYLOAD_DRAG)[lane] + half * row(S, _NODE_DRAG)[lane]
-        w = row(S, here + trial)[lane]
-        drag_slope = two * drag * abs(w)
-        k_above = row(S, above + ELEMENT_STIFFNESS)[lane]
-        load = (
-            mass * beta * (row(S, here + VELOCITY)[lane] - V)
-            - drag_slope * V
-            + drag * abs(w) * w
-            + (
-                row(S, PAYLOAD_WEIGHT)[lane]
-                + half * row(S, _NODE_WEIGHT)[lane]
-                - row(S, above + ELEMENT_TENSION)[lane]
-            )
+    beta, V, kappa = constant(S, 2.0 / dt), W[LENGTH_SPEED], W[CONVECTION]
+    zero, half, two = constant(S, 0.0), constant(S, 0.5), constant(S, 2.0)
+    mass, drag, weight = W[NODE_MASS], W[NODE_DRAG], W[NODE_WEIGHT]
+    k, damping = _linear_law(S, W, dt)
+    momentum, difference = mass * beta, kappa * constant(S, 0.5 / h)
+    numbers = (
+        momentum * beta,
+        momentum,
+        weight - momentum * V,
+        drag,
+        -(two * drag * V),
+        two * drag * beta,
+        difference * mass * (two * beta - kappa),
+        difference * (two * drag),
+        difference * momentum,
+        constant(S, 1.0 / (h * h)) * mass * kappa * kappa,
+        k,
+        k - damping,
+    )
+    # The sheave's increment is given; the payload has no node below.
+    top = half * (W[SHEAVE_NEW] - W[SHEAVE_OLD])
+    W[work + INCREMENT] = top
+    bottom, last = nodes + N_NODE_FIELDS * n_elements, work + N_WORK_FIELDS * n_elements
+    U_below = S[bottom - N_NODE_FIELDS + DISPLACEMENT]
+    e_below = S[bottom + DISPLACEMENT] - U_below
+    w = S[bottom + VELOCITY] if first else W[last + TRIAL_VELOCITY]
+    payload_momentum = beta * fused(half, mass, S[PAYLOAD_INERTIA])
+    drag_slope = two * fused(half, drag, S[PAYLOAD_DRAG]) * absolute(w)
+    load = fused(half, weight, S[PAYLOAD_WEIGHT])
+    if is_linear:
+        k_last = k
+        load = fused(damping - k, e_below, load)
+    else:
+        k_last = W[last - N_WORK_FIELDS + ELEMENT_STIFFNESS]
+        load = load - W[last - N_WORK_FIELDS + ELEMENT_TENSION]
+    load = fused(payload_momentum, S[bottom + VELOCITY] - V, load)
+    load = fused(drag_slope, fused(half, w, -V), load)
+    diagonal = fused(beta, payload_momentum + drag_slope, k_last)
+    if n_elements == 1:
+        W[last + INCREMENT] = fused(k_last, top, load) / diagonal
+        return
+    share_below, load_below = _eliminate(W, last, zero, k_last, diagonal, load, zero, zero)
+    share_above, load_above = zero, top
+    U_above = S[nodes + N_NODE_FIELDS + DISPLACEMENT]
+    e_above = U_above - S[nodes + DISPLACEMENT]
+    middle = (n_elements + 1) // 2
+    for i in range(1, middle):
+        U = U_above
+        U_above = S[nodes + N_NODE_FIELDS * (i + 1) + DISPLACEMENT]
+        e = U_above - U
+        above, below, diagonal, load = _node(
+            S, W, numbers, i, nodes, work, n_elements, e_above, e, is_linear, first
         )
-        diagonal = beta * (mass * beta + drag_slope) + k_above
-        row(S, here + LOAD)[lane] = (load + k_above * row(S, above + LOAD)[lane]) / (
-            diagonal + k_above * row(S, above + SUPER)[lane]
+        share_above, load_above = _eliminate(
+            W, work + N_WORK_FIELDS * i, above, below, diagonal, load, share_above, load_above
         )
-
-
-@stage
-def _backward_pass(S, at, n_elements, n_lanes, dt):
-    """Substitutes upwards for the increments to mid-step and the velocities that go with them."""
-    real = S.dtype.type
-    h = 1.0 / n_elements
-    beta = real(2.0 / dt)
-    first_difference = real(0.5 / h)
-    bottom = at[n_elements]
-    for lane in range(n_lanes):
-        increment = row(S, bottom + LOAD)[lane]
-        row(S, bottom + INCREMENT)[lane] = increment
-        row(S, bottom + TRIAL_VELOCITY)[lane] = beta * increment + row(S, LENGTH_SPEED)[lane]
-    for j in range(n_elements - 1, -1, -1):
-        here = at[j]
-        for lane in range(n_lanes):
-            below = row(S, here + N_NODE_FIELDS + INCREMENT)[lane]
-            row(S, here + INCREMENT)[lane] = row(S, here + LOAD)[lane] - row(S, here + SUPER)[lane] * below
-    for j in range(1, n_elements):
-        here = at[j]
-        above, below = here - N_NODE_FIELDS, here + N_NODE_FIELDS
-        g = real(1.0 - j * h)
-        for lane in range(n_lanes):
-            old_difference = row(S, below + DISPLACEMENT)[lane] - row(S, above + DISPLACEMENT)[lane]
-            gained_difference = row(S, below + INCREMENT)[lane] - row(S, above + INCREMENT)[lane]
-            slope = first_difference * (old_difference + gained_difference)
-            row(S, here + TRIAL_VELOCITY)[lane] = (
-                beta * row(S, here + INCREMENT)[lane]
-                + row(S, LENGTH_SPEED)[lane]
-                + g * row(S, _CONVECTION)[lane] * slope
+        e_above = e
+        j = n_elements - i
+        if j > middle:
+            U = U_below
+            U_below = S[nodes + N_NODE_FIELDS * (j - 1) + DISPLACEMENT]
+            e = U - U_below
+            above, below, diagonal, load = _node(
+                S, W, numbers, j, nodes, work, n_elements, e, e_below, is_linear, first
             )
+            share_below, load_below = _eliminate(
+                W, work + N_WORK_FIELDS * j, below, above, diagonal, load, share_below, load_below
+            )
+            e_below = e
+    above, below, diagonal, load = _node(
+        S, W, numbers, middle, nodes, work, n_elements, e_above, e_below, is_linear, first
+    )
+    load = fused(below, load_below, fused(above, load_above, load))
+    diagonal = fused(-below, share_below, fused(-above, share_above, diagonal))
+    W[work + N_WORK_FIELDS * middle + INCREMENT] = load / diagonal
 
 
 @stage
-def _begin_step(S, n_elements, n_lanes):
-    """What the step's two lengths fix once for all iterations: convection, mass, drag, weight, spacings."""
-    real = S.dtype.type
-    h = real(1.0 / n_elements)
-    half, one = real(0.5), real(1.0)
-    for lane in range(n_lanes):
-        middle = half * (row(S, LENGTH_OLD)[lane] + row(S, LENGTH)[lane])
-        V = row(S, LENGTH_SPEED)[lane]
-        row(S, MID_LENGTH)[lane] = middle
-        row(S, _CONVECTION)[lane] = V / middle
-        row(S, _NODE_MASS)[lane] = row(S, CABLE_INERTIA)[lane] * middle * h
-        row(S, _NODE_DRAG)[lane] = row(S, CABLE_DRAG)[lane] * middle * h
-        row(S, _NODE_WEIGHT)[lane] = row(S, CABLE_WEIGHT)[lane] * middle * h
-        row(S, _PER_OLD_SPACING)[lane] = one / (h * row(S, LENGTH_OLD)[lane])
-        row(S, _PER_MID_SPACING)[lane] = one / (h * middle)
+def _backward_pass(W, work, n_elements):
+    """Substitutes from the middle outwards for the increments to mid-step."""
+    middle = (n_elements + 1) // 2
+    below = above = W[work + N_WORK_FIELDS * middle + INCREMENT]
+    for i in range(1, n_elements - middle + 1):
+        element = work + N_WORK_FIELDS * (middle + i)
+        below = fused(W[element + SUPER], below, W[element + INCREMENT])
+        W[element + INCREMENT] = below
+        if i < middle:
+            element = work + N_WORK_FIELDS * (middle - i)
+            above = fused(W[element + SUPER], above, W[element + INCREMENT])
+            W[element + INCREMENT] = above
 
 
 @stage
-def cable_move(S, at, n_elements, n_lanes, tension_only, hookean):
-    """Moves the nodes on by twice their increments to mid-step."""
-    real = S.dtype.type
+def _middle_velocity(numbers, g, increment, elongations):
+    """Twice the velocity at mid-step; `elongations` is that of both elements beside the node, at mid-step."""
+    twice_beta, twice_V, twice_difference = numbers
+    return fused(twice_beta, increment, fused(g * twice_difference, elongations, twice_V))
+
+
+@stage
+def _velocity_numbers(S, W, n_elements, dt):
+    V = W[LENGTH_SPEED]
+    return constant(S, 4.0 / dt), V + V, W[CONVECTION] * constant(S, float(n_elements))
+
+
+@stage
+def _trial_velocities(S, W, nodes, work, n_elements, dt):
+    """The velocities at mid-step that go with the increments, for the next iteration."""
+    half, numbers = constant(S, 0.5), _velocity_numbers(S, W, n_elements, dt)
+    for j in range(1, n_elements):
+        here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
+        gained = W[element + N_WORK_FIELDS + INCREMENT] - W[element - N_WORK_FIELDS + INCREMENT]
+        old = S[here + N_NODE_FIELDS + DISPLACEMENT] - S[here - N_NODE_FIELDS + DISPLACEMENT]
+        g, _ = _share_below(S, W, work, j, n_elements)
+        W[element + TRIAL_VELOCITY] = half * _middle_velocity(
+            numbers, g, W[element + INCREMENT], old + gained
+        )
+    last = work + N_WORK_FIELDS * n_elements
+    zero = constant(S, 0.0)
+    W[last + TRIAL_VELOCITY] = half * _middle_velocity(numbers, zero, W[last + INCREMENT], zero)
+
+
+@stage
+def _element_tension(S, W, nodes, work, j, law, tension_only, is_linear):
+    """Mean tension of the element below node j over the step that `cable_solve` found."""
+    here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
+    gained = W[element + N_WORK_FIELDS + INCREMENT] - W[element + INCREMENT]
+    if is_linear:
+        k, damping = law
+        elongation = S[here + N_NODE_FIELDS + DISPLACEMENT] - S[here + DISPLACEMENT]
+        tension = fused(k, elongation + gained, -(damping * elongation))
+    else:
+        tension = fused(W[element + ELEMENT_STIFFNESS], gained, W[element + ELEMENT_TENSION])
+        if tension_only:
+            tension = maximum(tension, constant(S, 0.0))
+    return tension
+
+
+@stage
+def _end_tension(S, nearest, second, tension_only):
+    """Tension at an end of the cable, extrapolated linearly from the middles of the two nearest elements."""
+    tension = constant(S, 1.5) * nearest - constant(S, 0.5) * second
+    return maximum(tension, constant(S, 0.0)) if tension_only else tension
+
+
+@stage
+def solved_sheave_tension(S, W, nodes, work, n_elements, dt, tension_only, hookean):
+    """Tension at the sheave over the step that `cable_solve` found."""
+    law, is_linear = _linear_law(S, W, dt), hookean and not tension_only
+    nearest = _element_tension(S, W, nodes, work, 0, law, tension_only, is_linear)
+    second = _element_tension(S, W, nodes, work, min(1, n_elements - 1), law, tension_only, is_linear)
+    return _end_tension(S, nearest, second, tension_only)
+
+
+@stage
+def element_stiffness(S, W, work, dt, tension_only, hookean):
+    """Stiffness of the element at the sheave as `cable_solve` saw it last [N/m]."""
+    k, _ = _linear_law(S, W, dt)
+    return k if hookean and not tension_only else W[work + ELEMENT_STIFFNESS]
+
+
+@stage
+def _show_tensions(S, top, end, least, most):
+    """Tensions at the two ends, and the extremes along the cable so far."""
+    zero = constant(S, 0.0)
+    S[SHEAVE_TENSION], S[PAYLOAD_TENSION] = top, end
+    least, most = minimum(least, minimum(top, end)), maximum(most, maximum(top, end))
+    S[TENSION_MIN], S[TENSION_MAX] = least, most
+    S[SLACK] = where(least <= zero, constant(S, 1.0), zero)
+
+
+@stage
+def cable_move(S, W, nodes, work, n_elements, dt, tension_only, hookean, keeps_tensions):
+    """Moves the nodes on by twice their increments to mid-step and reads the tensions off.
+
+    These are means over the solver step, the very tensions that moved the nodes. Element by element they are
+    left in the nodes only if that is asked for: a batch would carry them through its memory for nothing.
+    """
     if not hookean:
-        _relax(S, at, n_elements, n_lanes, tension_only)
-    two = real(2.0)
-    for lane in range(n_lanes):
-        row(S, at[0] + DISPLACEMENT)[lane] = row(S, SHEAVE_NEW)[lane]
-    for j in range(1, n_elements + 1):
-        here = at[j]
-        for lane in range(n_lanes):
-            row(S, here + DISPLACEMENT)[lane] += two * row(S, here + INCREMENT)[lane]
-            row(S, here + VELOCITY)[lane] = (
-                two * row(S, here + TRIAL_VELOCITY)[lane] - row(S, here + VELOCITY)[lane]
-            )
-
-
-@stage
-def cable_solve(S, at, n_elements, n_iterations, n_lanes, dt, tension_only, hookean):
-    """Finds what every node gains in one solver step and leaves it in `INCREMENT`; nothing has moved yet."""
-    _begin_step(S, n_elements, n_lanes)
-    for iteration in range(n_iterations):
-        if hookean:
-            _constitutive_pass(S, at, n_elements, n_lanes, dt, tension_only, iteration == 0)
+        _relax(S, W, nodes, work, n_elements, tension_only)
+    is_linear, numbers = hookean and not tension_only, _velocity_numbers(S, W, n_elements, dt)
+    zero, two, k = constant(S, 0.0), constant(S, 2.0), constant(S, 1.0)
+    last, second = n_elements - 1, min(1, n_elements - 1)
+    law = _linear_law(S, W, dt)
+    of_first = _element_tension(S, W, nodes, work, 0, law, tension_only, is_linear)
+    of_second = _element_tension(S, W, nodes, work, second, law, tension_only, is_linear)
+    of_last = _element_tension(S, W, nodes, work, last, law, tension_only, is_linear)
+    of_last_but_one = _element_tension(S, W, nodes, work, last - second, law, tension_only, is_linear)
+    top = _end_tension(S, of_first, of_second, tension_only)
+    end = _end_tension(S, of_last, of_last_but_one, tension_only)
+    # The extremes of a linear cable are looked for in its elongations, tension over stiffness.
+    damped = zero
+    if is_linear:
+        k = law[0]
+        damped = law[1] / k
+    least, most = constant(S, np.inf), constant(S, -np.inf)
+    U, increment, stretched = S[nodes + DISPLACEMENT], W[work + INCREMENT], zero
+    S[nodes + DISPLACEMENT] = W[SHEAVE_NEW]
+    for j in range(n_elements):
+        here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
+        U_below = S[here + N_NODE_FIELDS + DISPLACEMENT]
+        increment_below = W[element + N_WORK_FIELDS + INCREMENT]
+        elongation, gained = U_below - U, increment_below - increment
+        middle = elongation + gained
+        if j > 0:
+            g, _ = _share_below(S, W, work, j, n_elements)
+            velocity = _middle_velocity(numbers, g, increment, stretched + middle)
+            S[here + VELOCITY] = velocity - S[here + VELOCITY]
+            S[here + DISPLACEMENT] = fused(two, increment, U)
+        if is_linear:
+            tension = fused(-damped, elongation, middle)
         else:
-            _rope_pass(S, at, n_elements, n_lanes, dt, tension_only, iteration == 0)
-        _forward_pass(S, at, n_elements, n_lanes, dt, iteration == 0)
-        _backward_pass(S, at, n_elements, n_lanes, dt)
+            tension = fused(W[element + ELEMENT_STIFFNESS], gained, W[element + ELEMENT_TENSION])
+            if tension_only:
+                tension = maximum(tension, zero)
+        if keeps_tensions:
+            S[here + TENSION] = k * tension
+        least, most = minimum(tension, least), maximum(tension, most)
+        U, increment, stretched = U_below, increment_below, middle
+    bottom = nodes + N_NODE_FIELDS * n_elements
+    S[bottom + VELOCITY] = _middle_velocity(numbers, zero, increment, zero) - S[bottom + VELOCITY]
+    S[bottom + DISPLACEMENT] = fused(two, increment, U)
+    least, most = minimum(k * least, S[TENSION_MIN]), maximum(k * most, S[TENSION_MAX])
+    _show_tensions(S, top, end, least, most)
 
 
 @stage
-def cable_step(S, at, n_elements, n_iterations, n_lanes, dt, tension_only, hookean):
-    """Advances cable and payload by one solver step.
+def _iterate(S, W, nodes, work, n_elements, dt, tension_only, hookean, first):
+    """One iteration for what every node gains to mid-step."""
+    is_linear = hookean and not tension_only
+    if not is_linear:
+        _constitutive_pass(S, W, nodes, work, n_elements, dt, tension_only, hookean, first)
+    _forward_pass(S, W, nodes, work, n_elements, dt, is_linear, first)
+    _backward_pass(W, work, n_elements)
+
+
+@seldom
+def cable_solve(S, W, nodes, work, n_elements, n_iterations, dt, tension_only, hookean):
+    """Finds what every node gains in one solver step and leaves it in `INCREMENT`; nothing has moved yet.
 
     Reads the sheave's displacement and the length at both ends of the step (`SHEAVE_OLD`, `SHEAVE_NEW`,
-    `LENGTH_OLD`, `LENGTH`); rewrites the nodes. `at` holds the row at which each node begins: were it
-    computed, the compiler would test the rows of all nodes at once for overlap, which rows that lie
-    between each other fail, and run the scalar loops.
+    `LENGTH_OLD`, `LENGTH`). The nodes stand from row `nodes` of S on; the rows of W from `work` on, with the
+    table of `fill_work`, help.
     """
-    cable_solve(S, at, n_elements, n_iterations, n_lanes, dt, tension_only, hookean)
-    cable_move(S, at, n_elements, n_lanes, tension_only, hookean)
+    align_stack()
+    _begin_step(S, W, n_elements)
+    for iteration in range(n_iterations):
+        _iterate(S, W, nodes, work, n_elements, dt, tension_only, hookean, iteration == 0)
+        if iteration + 1 < n_iterations:
+            _trial_velocities(S, W, nodes, work, n_elements, dt)
 
 
 @stage
-def solved_sheave_tension(S, at, n_elements, lane, tension_only):
-    """Tension at the sheave over the step that `cable_solve` found, linear through the nearest elements."""
-    real = S.dtype.type
-    here, beyond = at[0], at[min(1, n_elements - 1)]
-    nearest = row(S, here + N_NODE_FIELDS + INCREMENT)[lane] - row(S, here + INCREMENT)[lane]
-    second = row(S, beyond + N_NODE_FIELDS + INCREMENT)[lane] - row(S, beyond + INCREMENT)[lane]
-    nearest = row(S, here + ELEMENT_TENSION)[lane] + row(S, here + ELEMENT_STIFFNESS)[lane] * nearest
-    second = row(S, beyond + ELEMENT_TENSION)[lane] + row(S, beyond + ELEMENT_STIFFNESS)[lane] * second
-    tension = real(1.5) * nearest - real(0.5) * second
-    return max(tension, real(0.0)) if tension_only else tension
-
-
-@stage
-def _settled_step(S, at, n_elements, n_iterations, dt, tension_only, hookean, trial):
-    """`cable_step` of a single lane; one that is not linear iterates on until its velocities settle.
+def _settled_step(S, W, nodes, work, n_elements, n_iterations, dt, tension_only, hookean, trial):
+    """Advances one lane by a solver step; a cable that is not linear iterates until its velocities settle.
 
     Returns the last change of a velocity within an iteration [m/s], relative where that is above 1 m/s: zero
     for a linear cable, whose iterations are counted, not watched.
     """
-    _begin_step(S, n_elements, 1)
+    _begin_step(S, W, n_elements)
     change = 0.0
     for j in range(n_elements + 1):
-        trial[j] = S[at[j] + VELOCITY, 0]
+        trial[j] = S[nodes + N_NODE_FIELDS * j + VELOCITY]
     watched = tension_only or not hookean
     for iteration in range(max(n_iterations, _MOST_ITERATIONS) if watched else n_iterations):
-        if hookean:
-            _constitutive_pass(S, at, n_elements, 1, dt, tension_only, iteration == 0)
-        else:
-            _rope_pass(S, at, n_elements, 1, dt, tension_only, iteration == 0)
-        _forward_pass(S, at, n_elements, 1, dt, iteration == 0)
-        _backward_pass(S, at, n_elements, 1, dt)
+        _iterate(S, W, nodes, work, n_elements, dt, tension_only, hookean, iteration == 0)
+        _trial_velocities(S, W, nodes, work, n_elements, dt)
         if watched:
             change, fastest = 0.0, 1.0
             for j in range(1, n_elements + 1):
-                velocity = S[at[j] + TRIAL_VELOCITY, 0]
+                velocity = W[work + N_WORK_FIELDS * j + TRIAL_VELOCITY]
                 change = max(change, abs(velocity - trial[j]))
                 fastest = max(fastest, abs(velocity))
                 trial[j] = velocity
             change /= fastest
             if iteration + 1 >= n_iterations and change <= _SETTLED:
                 break
-    cable_move(S, at, n_elements, 1, tension_only, hookean)
+    cable_move(S, W, nodes, work, n_elements, dt, tension_only, hookean, True)
     return change
 
 
-@stage
-def cable_tensions(S, at, n_elements, n_lanes, tension_only):
-    """Tensions at the sheave and the payload, and the extremes along the cable since they were cleared.
-
-    They are means over the last solver step, the very tensions that moved the nodes. Element tensions
-    stand at the middles of the elements; the ends are extrapolated linearly from the two nearest. Each
-    element's tension is left in its `LOAD` field.
-    """
-    real = S.dtype.type
-    zero, one, one_and_half, half = real(0.0), real(1.0), real(1.5), real(0.5)
-    for j in range(n_elements):
-        here = at[j]
-        below = here + N_NODE_FIELDS
-        for lane in range(n_lanes):
-            gained = row(S, below + INCREMENT)[lane] - row(S, here + INCREMENT)[lane]
-            tension = row(S, here + ELEMENT_TENSION)[lane] + row(S, here + ELEMENT_STIFFNESS)[lane] * gained
-            tension = tension if (tension > zero or not tension_only) else zero
-            least, most = row(S, TENSION_MIN)[lane], row(S, TENSION_MAX)[lane]
-            row(S, here + LOAD)[lane] = tension
-            row(S, TENSION_MIN)[lane] = tension if tension < least else least
-            row(S, TENSION_MAX)[lane] = tension if tension > most else most
-    last = at[n_elements - 1]
-    second = at[0] + (N_NODE_FIELDS if n_elements > 1 else 0)
-    last_but_one = last - (N_NODE_FIELDS if n_elements > 1 else 0)
-    for lane in range(n_lanes):
-        top = one_and_half * row(S, at[0] + LOAD)[lane] - half * row(S, second + LOAD)[lane]
-        end = one_and_half * row(S, last + LOAD)[lane] - half * row(S, last_but_one + LOAD)[lane]
-        if tension_only:
-            top, end = max(top, zero), max(end, zero)
-        row(S, SHEAVE_TENSION)[lane] = top
-        row(S, PAYLOAD_TENSION)[lane] = end
-        row(S, TENSION_MIN)[lane] = min(row(S, TENSION_MIN)[lane], min(top, end))
-        row(S, TENSION_MAX)[lane] = max(row(S, TENSION_MAX)[lane], max(top, end))
-        row(S, SLACK)[lane] = one if row(S, TENSION_MIN)[lane] <= zero else zero
+@seldom
+def hanging_strain(S, tension):
+    """Strain of a relaxed rope beyond Hooke's law under a tension; of one lane."""
+    EA, quadratic, cubic = S[CABLE_STIFFNESS], S[CABLE_QUADRATIC], S[CABLE_CUBIC]
+    return constant(
+        S, strain_of(np.float64(tension), np.float64(EA), np.float64(quadratic), np.float64(cubic))
+    )
 
 
 @seldom
-def hanging_strain(S, lane, tension):
-    """Strain of a relaxed rope beyond Hooke's law under a tension."""
-    EA, quadratic, cubic = S[CABLE_STIFFNESS, lane], S[CABLE_QUADRATIC, lane], S[CABLE_CUBIC, lane]
-    real = S.dtype.type
-    return real(strain_of(np.float64(tension), np.float64(EA), np.float64(quadratic), np.float64(cubic)))
-
-
-@seldom
-def hanging_stretch(S, lane, n_elements, length):
+def hanging_stretch(S, n_elements, length):
     """Stretch of a rope beyond Hooke's law that hangs still, element by element as `hang_still` has it."""
-    real = S.dtype.type
-    h, half = real(1.0 / n_elements), real(0.5)
-    stretch = real(0.0)
+    h, half = constant(S, 1.0 / n_elements), constant(S, 0.5)
+    stretch = constant(S, 0.0)
     for j in range(n_elements):
-        tension = S[PAYLOAD_WEIGHT, lane] + S[CABLE_WEIGHT, lane] * length * h * (real(n_elements - j) - half)
-        stretch += hanging_strain(S, lane, tension) * length * h
+        below = constant(S, n_elements - j) - half
+        tension = S[PAYLOAD_WEIGHT] + S[CABLE_WEIGHT] * length * h * below
+        stretch += hanging_strain(S, tension) * length * h
     return stretch
 
 
 @stage
-def hang_still(S, lane, nodes, n_elements, sheave, hookean):
+def hang_still(S, nodes, n_elements, sheave, hookean):
     """Puts one lane at rest in static equilibrium below a sheave displaced by `sheave`, positive down."""
-    real = S.dtype.type
-    h = real(1.0 / n_elements)
-    half = real(0.5)
-    L, EA = S[LENGTH, lane], S[CABLE_STIFFNESS, lane]
+    h, half, zero = constant(S, 1.0 / n_elements), constant(S, 0.5), constant(S, 0.0)
+    L, EA = S[LENGTH], S[CABLE_STIFFNESS]
     displacement = sheave
     for j in range(n_elements + 1):
         here = nodes + N_NODE_FIELDS * j
-        S[here + DISPLACEMENT, lane] = displacement
-        S[here + VELOCITY, lane] = real(0.0)
-        from_payload = real(n_elements - j) - half
-        tension = S[PAYLOAD_WEIGHT, lane] + S[CABLE_WEIGHT, lane] * L * h * from_payload
-        S[here + INCREMENT, lane] = real(0.0)
-        S[here + TRIAL_VELOCITY, lane] = real(0.0)
-        S[here + ELEMENT_STIFFNESS, lane] = EA / (L * h)
-        S[here + ELEMENT_TENSION, lane] = tension
+        S[here + DISPLACEMENT] = displacement
+        S[here + VELOCITY] = zero
+        from_payload = constant(S, n_elements - j) - half
+        tension = S[PAYLOAD_WEIGHT] + S[CABLE_WEIGHT] * L * h * from_payload
+        S[here + TENSION] = tension
         if hookean:
             displacement += tension * L * h / EA
         else:
-            displacement += hanging_strain(S, lane, tension) * L * h
+            displacement += hanging_strain(S, tension) * L * h
     if not hookean:
         behind = nodes + N_NODE_FIELDS * (n_elements + 1)
         for j in range(n_elements):
-            S[behind + j, lane] = real(0.0)
+            S[behind + j] = zero
 
 
 def n_cable_rows(n_elements: int, *, hookean: bool) -> int:
@@ -517,14 +609,17 @@ def n_cable_rows(n_elements: int, *, hookean: bool) -> int:
     return N_NODE_FIELDS * (n_elements + 1) + (0 if hookean else n_elements)
 
 
-def node_rows(first: int, n_elements: int, *, hookean: bool) -> Array:
-    """Rows at which the nodes stand in a state buffer, from row `first` on, (n_elements + 1,).
+def n_work_rows(n_elements: int) -> int:
+    """Rows that the cable's solution takes in a scratch block [-], the last of which hold a table."""
+    return (N_WORK_FIELDS + 2) * (n_elements + 1)
 
-    Those of a rope beyond Hooke's law are followed by the rows of its Maxwell branches, (n_elements,).
-    """
-    nodes = first + N_NODE_FIELDS * np.arange(n_elements + 1, dtype=np.int64)
-    behind = first + N_NODE_FIELDS * (n_elements + 1) + np.arange(n_elements, dtype=np.int64)
-    return nodes if hookean else np.concatenate([nodes, behind])
+
+def fill_work(work: Array) -> None:
+    """Writes what the number of elements alone decides into the solution's rows, (n_work_rows, n_lanes)."""
+    n_nodes = len(work) // (N_WORK_FIELDS + 2)
+    below = 1.0 - np.arange(n_nodes) / max(n_nodes - 1, 1)
+    table = np.ravel(np.column_stack([below, below**2]))
+    work[N_WORK_FIELDS * n_nodes :].reshape(-1)[: len(table)] = table
 
 
 def hanging_elongation(
@@ -562,7 +657,9 @@ def fill_parameters(S: Array, cable: Cable, payload: Payload) -> None:
 
 def _make_march(fingerprint: int):
     @njit(cache=True, error_model="numpy")
-    def march(state, at, n_elements, n_iterations, dt, tension_only, hookean, sheave, length, out, envelope):
+    def march(
+        state, scratch, n_elements, n_iterations, dt, tension_only, hookean, sheave, length, out, envelope
+    ):  # fmt: skip
         """Drives one cable through given sheave displacements and lengths.
 
         Fills `out` (n_steps + 1, 6) and the least and most tension of each element, `envelope` (2,
@@ -570,12 +667,13 @@ def _make_march(fingerprint: int):
         """
         if fingerprint == 0:
             return -1, 0.0
-        S = block_of_lanes(state, 1)
-        bottom = at[n_elements]
+        S, W = block_at(state.ctypes.data, 0, 1, 0), block_at(scratch.ctypes.data, 0, 1, 0)
+        nodes, work = N_FIXED, N_SCRATCH
+        bottom = nodes + N_NODE_FIELDS * n_elements
         trial = np.empty(n_elements + 1)
         before = np.empty(state.shape)
         for k in range(len(sheave)):
-            S[TENSION_MIN, 0], S[TENSION_MAX, 0] = np.inf, -np.inf
+            S[TENSION_MIN], S[TENSION_MAX] = np.inf, -np.inf
             if k > 0:
                 before[:] = state
                 pieces = 1
@@ -583,17 +681,25 @@ def _make_march(fingerprint: int):
                     change = 0.0
                     for piece in range(pieces):
                         a, b = piece / pieces, (piece + 1) / pieces
-                        S[SHEAVE_OLD, 0] = (1.0 - a) * sheave[k - 1] + a * sheave[k]
-                        S[SHEAVE_NEW, 0] = (1.0 - b) * sheave[k - 1] + b * sheave[k]
-                        S[LENGTH_OLD, 0] = (1.0 - a) * length[k - 1] + a * length[k]
-                        S[LENGTH, 0] = (1.0 - b) * length[k - 1] + b * length[k]
-                        S[LENGTH_SPEED, 0] = (length[k] - length[k - 1]) / dt
+                        W[SHEAVE_OLD] = (1.0 - a) * sheave[k - 1] + a * sheave[k]
+                        W[SHEAVE_NEW] = (1.0 - b) * sheave[k - 1] + b * sheave[k]
+                        W[LENGTH_OLD] = (1.0 - a) * length[k - 1] + a * length[k]
+                        S[LENGTH] = (1.0 - b) * length[k - 1] + b * length[k]
+                        W[LENGTH_SPEED] = (length[k] - length[k - 1]) / dt
                         change = _settled_step(
-                            S, at, n_elements, n_iterations, dt / pieces, tension_only, hookean, trial
+                            S,
+                            W,
+                            nodes,
+                            work,
+                            n_elements,
+                            n_iterations,
+                            dt / pieces,
+                            tension_only,
+                            hookean,
+                            trial,
                         )
                         if not change <= _SETTLED:
                             break
-                        cable_tensions(S, at, n_elements, 1, tension_only)
                     if change <= _SETTLED:
                         break
                     pieces *= 2
@@ -601,15 +707,25 @@ def _make_march(fingerprint: int):
                         return k, change
                     state[:] = before
             else:
-                cable_tensions(S, at, n_elements, 1, tension_only)
-            out[k, 0] = S[bottom + DISPLACEMENT, 0]
-            out[k, 1] = S[bottom + VELOCITY, 0]
-            out[k, 2] = S[SHEAVE_TENSION, 0]
-            out[k, 3] = S[PAYLOAD_TENSION, 0]
-            out[k, 4] = S[TENSION_MIN, 0]
-            out[k, 5] = S[TENSION_MAX, 0]
+                least, most = np.inf, -np.inf
+                for j in range(n_elements):
+                    tension = S[nodes + N_NODE_FIELDS * j + TENSION]
+                    least, most = min(least, tension), max(most, tension)
+                last, second = n_elements - 1, min(1, n_elements - 1)
+                of_first, of_second = S[nodes + TENSION], S[nodes + N_NODE_FIELDS * second + TENSION]
+                of_last = S[nodes + N_NODE_FIELDS * last + TENSION]
+                of_last_but_one = S[nodes + N_NODE_FIELDS * (last - second) + TENSION]
+                top = _end_tension(S, of_first, of_second, tension_only)
+                end = _end_tension(S, of_last, of_last_but_one, tension_only)
+                _show_tensions(S, top, end, least, most)
+            out[k, 0] = S[bottom + DISPLACEMENT]
+            out[k, 1] = S[bottom + VELOCITY]
+            out[k, 2] = S[SHEAVE_TENSION]
+            out[k, 3] = S[PAYLOAD_TENSION]
+            out[k, 4] = S[TENSION_MIN]
+            out[k, 5] = S[TENSION_MAX]
             for j in range(n_elements):
-                tension = S[at[j] + LOAD, 0]
+                tension = S[nodes + N_NODE_FIELDS * j + TENSION]
                 envelope[0, j] = min(envelope[0, j], tension)
                 envelope[1, j] = max(envelope[1, j], tension)
             if not np.isfinite(out[k, 1]):
@@ -617,10 +733,10 @@ def _make_march(fingerprint: int):
         return -1, 0.0
 
     @njit(cache=True, error_model="numpy")
-    def hang(S, n_elements, sheave, hookean):
+    def hang(state, n_elements, sheave, hookean):
         """Hangs the cable still below the sheave."""
         if fingerprint != 0:
-            hang_still(S, 0, N_FIXED, n_elements, sheave, hookean)
+            hang_still(block_at(state.ctypes.data, 0, 1, 0), N_FIXED, n_elements, sheave, hookean)
 
     return march, hang
 
@@ -777,7 +893,7 @@ class AxialSolver:
         nodes = S[N_FIXED : self._bottom + N_NODE_FIELDS, 0]
         nodes = nodes.reshape(self.n_elements + 1, N_NODE_FIELDS)[::-1]
         arc_length = state.length * np.arange(self.n_elements + 1) / self.n_elements
-        of_elements = nodes[1:, LOAD]
+        of_elements = nodes[1:, TENSION]
         inner = 0.5 * (of_elements[1:] + of_elements[:-1])
         velocity = -nodes[:, VELOCITY]
         if self.n_elements > 1:  # the sheave's node has no equation of motion: extrapolate
@@ -857,9 +973,11 @@ class AxialSolver:
     def _run(self, S: Array, sheave: Array, length: Array, dt: float, envelope: Array | None = None) -> Array:
         S[LENGTH] = length[0]
         out = np.empty((len(sheave), 6))
+        scratch = np.empty((N_SCRATCH + n_work_rows(self.n_elements), 1))
+        fill_work(scratch[N_SCRATCH:])
         failed, residual = _march(
             S,
-            node_rows(N_FIXED, self.n_elements, hookean=self.cable.is_hookean),
+            scratch,
             self.n_elements,
             self.n_iterations,
             dt,

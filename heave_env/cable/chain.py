@@ -243,7 +243,7 @@ def _pull(j, old, new, chain, branch_strain, work, dt, static):
     share = 1.0 / (1.0 + 0.5 * dt * law[RELAXATION_RATE])
     held, EA1 = (0.0, 0.0) if static else (branch_strain[j], law[RELAXING_STIFFNESS])
     tension, slope, work.branch_middle[j] = rope_tension(
-        old, new, held, EA, law[QUADRATIC], law[CUBIC], EA1, share, CA, per_dt, slack, 0.0, 0.5, 1.0
+        old, new, held, EA, law[QUADRATIC], law[CUBIC], EA1, share, CA, per_dt, slack
     )
     return tension, slope
 
@@ -593,8 +593,6 @@ def _advance(n, first, last, motion, chain, work, dt, limit):
                 law[RELAXING_STIFFNESS],
                 1.0 / (1.0 + 0.5 * dt * law[RELAXATION_RATE]),
                 law[TENSION_ONLY] > 0.0,
-                0.0,
-                0.5,
             )
     for i in range(first, last + 1):
         for k in range(3):

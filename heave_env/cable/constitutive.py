@@ -26,6 +26,7 @@ from __future__ import annotations
 import numpy as np
 
 from heave_env.compiled import stage
+from heave_env.lanes import absolute, constant, maximum, minimum, where
 from heave_env.parameters import Cable
 
 Array = np.ndarray
@@ -43,23 +44,24 @@ def tension_of(strain, strain_rate, EA, CA, tension_only):
 
 
 @stage
-def taut_tension(old, new, EA, CA, per_dt, zero, half, one):
+def taut_tension(old, new, EA, CA, per_dt):
     """Mean tension of a tension-only element over a step from strain `old` to `new`, and d/d(new).
 
-    Kelvin damping acts on the taut part of the strain, and what would still be compression is zero. Written
-    without branches, so that it runs over lanes; the constants come in the lanes' precision.
+    Kelvin damping acts on the taut part of the strain, and what would still be compression is zero. Plain
+    numbers or lanes.
     """
-    taut_new, taut_old = max(new, zero), max(old, zero)
-    crosses = (new > zero) != (old > zero)
-    change = new - old if crosses else one
+    zero, half, one = constant(old, 0.0), constant(old, 0.5), constant(old, 1.0)
+    is_taut = new > zero
+    taut_new, taut_old = maximum(new, zero), maximum(old, zero)
+    crosses = is_taut ^ (old > zero)
+    change = where(crosses, new - old, one)
     gained = half * (taut_new * taut_new - taut_old * taut_old) / change
-    mean = gained if crosses else half * (taut_new + taut_old)
-    slope = (taut_new - gained) / change if crosses else (half if new > zero else zero)
+    mean = where(crosses, gained, half * (taut_new + taut_old))
+    slope = where(crosses, (taut_new - gained) / change, where(is_taut, half, zero))
     tension = EA * mean + CA * per_dt * (taut_new - taut_old)
-    stiffness = EA * slope + (CA * per_dt if new > zero else zero)
-    stiffness = stiffness if tension > zero else zero
-    tension = tension if tension > zero else zero
-    return tension, stiffness
+    stiffness = EA * slope + where(is_taut, CA * per_dt, zero)
+    pulls = tension > zero
+    return where(pulls, tension, zero), where(pulls, stiffness, zero)
 
 
 @stage
@@ -69,40 +71,42 @@ def mean_tension(old, new, EA, CA, per_dt, tension_only):
     `per_dt` is one over the time step. Energy EA (new² - old²)/2 is what the mean does, exactly.
     """
     if tension_only:
-        return taut_tension(old, new, EA, CA, per_dt, 0.0, 0.5, 1.0)
+        return taut_tension(old, new, EA, CA, per_dt)
     return EA * 0.5 * (old + new) + CA * per_dt * (new - old), 0.5 * EA + CA * per_dt
 
 
 @stage
-def rope_tension(
-    old, new, held, EA, quadratic, cubic, EA1, share, CA, per_dt, tension_only, zero, half, one
-):  # fmt: skip
+def rope_tension(old, new, held, EA, quadratic, cubic, EA1, share, CA, per_dt, tension_only):
     """Mean tension of a rope beyond Hooke's law over a step, d/d(new), and the branch's strain at mid-step.
 
     `quadratic` and `cubic` are k2/3 and k3/4 (`rope_energy_coefficients`), `held` is the branch's strain
-    before the step, `share` 1/(1 + dt/2τ). The constants come in the lanes' precision.
+    before the step, `share` 1/(1 + dt/2τ). Plain numbers or lanes.
     """
+    zero, half, one = constant(old, 0.0), constant(old, 0.5), constant(old, 1.0)
     x, y = old, new
+    is_taut, crosses = zero == zero, zero != zero
     if tension_only:
-        x, y = max(old, zero), max(new, zero)
-    crosses = tension_only and (new > zero) != (old > zero)
-    change = new - old if crosses else one
-    part = (y - x) / change if crosses else one
-    pulls = one if (new > zero or not tension_only) else zero
-    turns = (pulls - part) / change if crosses else zero
-    taut = part if crosses else pulls
+        x, y = maximum(old, zero), maximum(new, zero)
+        is_taut = new > zero
+        crosses = is_taut ^ (old > zero)
+    change = where(crosses, new - old, one)
+    part = where(crosses, (y - x) / change, one)
+    pulls = where(is_taut, one, zero)
+    turns = where(crosses, (pulls - part) / change, zero)
+    taut = where(crosses, part, pulls)
     mean = half * (x + y) + quadratic * (x * x + x * y + y * y) + cubic * (x + y) * (x * x + y * y)
     by_new = half + quadratic * (x + y + y) + cubic * (x * x + y * y + (x + y) * (y + y))
     slope = by_new * pulls * part + mean * turns
     middle = share * (held + half * (y - x))
     tension = EA * mean * part + CA * per_dt * (y - x) + EA1 * middle * taut
     stiffness = EA * slope + pulls * (CA * per_dt + half * EA1 * share * taut) + EA1 * middle * turns
-    if tension_only and EA * mean + EA1 * middle < zero:
-        middle = -EA * mean / EA1
-        tension, stiffness = CA * per_dt * (y - x), pulls * CA * per_dt
     if tension_only:
-        stiffness = stiffness if tension > zero else zero
-        tension = max(tension, zero)
+        lets_go = EA * mean + EA1 * middle < zero
+        middle = where(lets_go, -EA * mean / EA1, middle)
+        tension = where(lets_go, CA * per_dt * (y - x), tension)
+        stiffness = where(lets_go, pulls * CA * per_dt, stiffness)
+        stiffness = where(tension > zero, stiffness, zero)
+        tension = maximum(tension, zero)
     return tension, stiffness, middle
 
 
@@ -120,19 +124,20 @@ def relaxed_tension(strain, EA, quadratic, cubic):
 
 
 @stage
-def branch_after(old, new, held, middle, EA, quadratic, cubic, EA1, share, tension_only, zero, half):
+def branch_after(old, new, held, middle, EA, quadratic, cubic, EA1, share, tension_only):
     """Strain of the Maxwell branch after a step from strain `old` to `new`, from that before and at mid-step.
 
     Of a tension-only rope it pushes no more than the spring pulls; where it let go at mid-step, it pushes
-    just so much. Either way its energy is at most what the midpoint rule would leave.
+    just so much. Either way its energy is at most what the midpoint rule would leave. Plain numbers or lanes.
     """
     after = middle + (middle - held)
     if tension_only:
-        x, y = max(old, zero), max(new, zero)
-        spring, _ = relaxed_tension(y, EA, quadratic, cubic)
-        bears = spring / EA1 if zero < EA1 else zero
+        zero, one, half = constant(old, 0.0), constant(old, 1.0), constant(old, 0.5)
+        x, y = maximum(old, zero), maximum(new, zero)
+        spring = EA * y * (one + y * (constant(old, 3.0) * quadratic + y * constant(old, 4.0) * cubic))
+        bears = where(zero < EA1, spring / EA1, zero)
         lets_go = middle > share * (held + half * (y - x))
-        after = -min(bears, abs(after)) if lets_go else max(after, -bears)
+        after = where(lets_go, -minimum(bears, absolute(after)), maximum(after, -bears))
     return after
 
 

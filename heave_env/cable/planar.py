@@ -214,9 +214,6 @@ def _pull_elements(numbers, step, increment, equations, tension):
                     numbers.CA,
                     1.0 / step.dt,
                     numbers.tension_only,
-                    0.0,
-                    0.5,
-                    1.0,
                 )
             ex, ez = (ox + nx) / both, (oz + nz) / both
             along, across = 2.0 * by_new / spacing, 2.0 * T / both
@@ -386,8 +383,6 @@ def _newton(numbers, step, increment, tension):
                         numbers.relaxing_stiffness,
                         1.0 / (1.0 + 0.5 * step.dt * numbers.relaxation_rate),
                         numbers.tension_only,
-                        0.0,
-                        0.5,
                     )
             return True, missing
     return False, missing

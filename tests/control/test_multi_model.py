@@ -39,7 +39,7 @@ def settled_at(scenario: Scenario, values: dict[str, float]) -> Scenario:
 
 def driven(scenario: Scenario, controller, seeds: list[int], n_steps: int, first: int = 0):
     """Mean stage cost of each row from step `first` on, the commands given, and the last memory."""
-    plant = Plant(scenario, len(seeds), show_channels=False)
+    plant = Plant(scenario, len(seeds))
     plant.begin(np.ones(len(seeds), dtype=bool), np.array(seeds))
     memory, cost, actions = None, np.zeros(len(seeds)), []
     for step in range(n_steps):

@@ -30,7 +30,7 @@ def operation(**changes) -> Scenario:
 
 def mean_cost(scenario: Scenario, controller, n_seas: int, n_steps: int = 3000) -> tuple[float, float]:
     """Mean stage cost after 100 s, and its standard error over seas."""
-    plant = Plant(scenario, n_seas, show_channels=False)
+    plant = Plant(scenario, n_seas)
     plant.begin(np.ones(n_seas, dtype=bool), 20_000_000 + np.arange(n_seas))
     memory, cost, first = None, np.zeros(n_seas), 1000
     for step in range(n_steps):

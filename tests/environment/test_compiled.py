@@ -74,7 +74,7 @@ def test_an_edited_stage_is_compiled_anew(tmp_path):
     before = displacement()
     winch = tmp_path / "heave_env" / "winch.py"
     edited = winch.read_text().replace(
-        "S[WINCH_DISPLACEMENT, lane] = u0 - gap", "S[WINCH_DISPLACEMENT, lane] = u0"
+        "S[WINCH_DISPLACEMENT] = command - gap", "S[WINCH_DISPLACEMENT] = command"
     )
     assert edited != winch.read_text()
     winch.write_text(edited)

@@ -19,8 +19,8 @@ def normals(seed, n):
     out = np.empty(4 * n)
     for i in range(n):
         a, b, c, d = philox(seed, np.uint64(0), np.uint64(0), np.uint64(i), np.uint64(0))
-        out[4 * i], out[4 * i + 1] = normal_pair(a, b)
-        out[4 * i + 2], out[4 * i + 3] = normal_pair(c, d)
+        out[4 * i], out[4 * i + 1] = normal_pair(0.0, a, b)
+        out[4 * i + 2], out[4 * i + 3] = normal_pair(0.0, c, d)
     return out
 
 
@@ -36,7 +36,7 @@ def turns(x):
 
 @njit
 def uniform_of(word):
-    return uniform(word)
+    return uniform(0.0, word)
 
 
 def test_philox_gives_the_published_words():
