@@ -13,6 +13,7 @@ import json
 import math
 import os
 import shutil
+import socket
 import tempfile
 import time
 import uuid
@@ -496,6 +497,7 @@ def _ray(address: str | None, workers: int | None) -> Iterator[Any]:
 
         quiet = {"logging_level": "ERROR", "log_to_driver": False}
         if address is not None:
+            _check_address(address)
             try:
                 ray.init(address=address, **quiet)
             except (ConnectionError, OSError, RuntimeError, ValueError) as error:
@@ -525,6 +527,20 @@ def _ray(address: str | None, workers: int | None) -> Iterator[Any]:
         finally:
             ray.shutdown()
             shutil.rmtree(temporary, ignore_errors=True)
+
+
+def _check_address(address: str) -> None:
+    """Refuses at once a port where nothing listens; Ray itself would try for minutes."""
+    host, colon, port = address.rpartition(":")
+    if "://" in address or not (colon and port.isdigit()):
+        return
+    try:
+        socket.create_connection((host, int(port)), timeout=5.0).close()
+    except (OSError, OverflowError) as error:
+        raise ValueError(
+            f"no Ray cluster answers at --address {address!r} ({error}); start one with ray start --head, or "
+            "leave --address out to run on this machine"
+        ) from error
 
 
 def _processors() -> int:

@@ -6,6 +6,7 @@ import contextlib
 import json
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -248,6 +249,15 @@ def cut_off_at(suffix: str, trial: int) -> Callable[..., None]:
     return cut_off
 
 
+def test_an_address_where_nobody_listens_is_refused_at_once(tmp_path):
+    pytest.importorskip("ray")
+    with socket.socket() as unheard:  # bound, so that nobody else takes it, and not listening
+        unheard.bind(("127.0.0.1", 0))
+        address = f"127.0.0.1:{unheard.getsockname()[1]}"
+        with pytest.raises(ValueError, match="no Ray cluster answers at --address"):
+            sweep(written(tmp_path, runs=[ENTRY]), out=tmp_path / "out", address=address)
+
+
 # Through Ray -------------------------------------------------------------------------------------
 
 
@@ -311,9 +321,8 @@ def test_a_killed_worker_s_training_is_run_again_to_the_same_bits(tmp_path):
     with meanwhile(kill_the_worker) as killed:
         found = sweep(path, out=out, workers=2, save_every=0.0)
     assert killed, "the training ended before its worker could be killed"
-    assert (found.n_run, found.failures) == (2, {})
-    for seed, row in enumerate(found.rows):
-        assert same_policy(Path(row["path"]), whole(tmp_path, seed))
+    assert (found.workers, found.n_run, found.failures) == (2, 2, {})
+    assert same_policy(Path(found.rows[0]["path"]), whole(tmp_path, 0))
     assert descendants("raylet") == descendants("gcs_server") == []
 
 
@@ -389,7 +398,7 @@ def test_an_interruption_saves_and_the_same_command_goes_on(tmp_path):
 def test_how_many_trainings_per_minute_one_and_two_workers_do(tmp_path, capsys):
     """Prints the figures; on crowded processors two workers gain less than on two of their own."""
     pytest.importorskip("ray")
-    path = written(tmp_path, steps=30 * STEPS, runs=[ENTRY | {"seeds": [0, 1, 2, 3]}])
+    path = written(tmp_path, steps=5 * STEPS, runs=[ENTRY | {"seeds": [0, 1, 2, 3]}])
     speeds = [sweep(path, out=tmp_path / str(workers), workers=workers).speed for workers in (1, 2)]
     with capsys.disabled():
         print("\n" + "\n".join(speeds) + f"\nload {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")
