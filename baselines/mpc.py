@@ -17,11 +17,11 @@ The rate is planned at knots that lie the farther apart the farther ahead, and r
 (with a lag and no acceleration limit it keeps still between them): as few unknowns as knots, and a plan that
 keeps within its limits everywhere. A lag whose acceleration limit is far above what its rate wants to jump by
 at a new command (`RARELY`) is planned as if it jumped: to have it run straight cost half a per cent and more
-where the limit never bites. Of a second-order drive the rate at the end of a step stands for the command, of which it is a
-linear function. Limits of power and torque bound speed and acceleration, at the tension that the estimator
-reckons with; dead band and rounding are left to the inversion of the first move. The search is DAQP's, a
-dual active-set method, exact and free of tuning; a plan that must break the range or the stroke (a drum too
-fast to stop) is allowed what braking needs.
+where the limit never bites. Of a second-order drive the rate at the end of a step stands for the command, of
+which it is a linear function. Limits of power and torque bound speed and acceleration, at the tension that
+the estimator reckons with; dead band and rounding are left to the inversion of the first move. The search is
+DAQP's, a dual active-set method, exact and free of tuning; a plan that must break the range or the stroke (a
+drum too fast to stop) is allowed what braking needs.
 
 It is certainty-equivalent: it plans as if the estimate and the expected sea were true.
 

@@ -57,7 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"heave: this needs the package {error.name!r}; install it with pip", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        resumes = options.run in (_train, _sweep, _demo, _validate, _reproduce, _operability)
+        resumable = (_train, _sweep, _demo, _compare, _league, _validate, _reproduce, _operability)
+        resumes = options.run in resumable
         hint = "the same command goes on from there" if resumes else "nothing half-written was left behind"
         print(f"heave: interrupted; {hint}", file=sys.stderr)
         return INTERRUPTED
@@ -159,6 +160,11 @@ def parser() -> Parser:
     _add_scenario(train)
     _add_set(train)
     train.add_argument("--algorithm", choices=ALGORITHMS, default="ppo", help="learning algorithm (ppo)")
+    train.add_argument(
+        "--preset",
+        metavar="KIND|FILE",
+        help="residual or estimate, beside a designed controller, or a YAML file of settings (from sensors)",
+    )
     train.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the training (0)")
     train.add_argument("--steps", type=_count, metavar="N", help="environment steps (the preset's)")
     train.add_argument("--out", metavar="DIR", help="run folder (runs/SCENARIO-ALGORITHM-SEED)")
@@ -198,7 +204,7 @@ def parser() -> Parser:
         "--controllers",
         default="none,lqr,delay_lqr,lqg",
         metavar="A,B,...",
-        help="designs and agent:RUN, separated by commas (none,lqr,delay_lqr,lqg)",
+        help="designs, agent:RUN and file:PATH.py, separated by commas (none,lqr,delay_lqr,lqg)",
     )
     compare.add_argument(
         "--seeds", type=int, default=16, metavar="N", help="compare in the first N test seas (16)"
@@ -220,13 +226,51 @@ def parser() -> Parser:
     _add_other(compare)
     compare.add_argument("--out", required=True, metavar="DIR", help="folder for the results")
 
+    table = verb(
+        "league",
+        _league,
+        "run everybody in the same unseen seas of scenarios and their variants; write the leaderboard",
+        "heave league limits_linear --controllers lqg,mpc,ppo=agent:runs/ppo_* --out runs/league",
+        "heave league sea_state_5 --controllers all,file:mine.py --variants rougher,later --out runs/league",
+    )
+    table.add_argument("scenario", nargs="+", metavar="SCENARIO", help="names or YAML files")
+    _add_set(table)
+    table.add_argument(
+        "--controllers",
+        default="all",
+        metavar="A,B,...",
+        help="designs (all: every one), agent:RUN, file:PATH.py, NAME=agent:RUN1+agent:RUN2 (all)",
+    )
+    table.add_argument(
+        "--variants", default="all", metavar="A,B,...", help="variants of each scenario; nominal: none (all)"
+    )
+    table.add_argument("--seeds", type=int, default=256, metavar="N", help="the first N test seas (256)")
+    table.add_argument("--duration", type=_seconds, metavar="S", help="length of an episode [s] (400)")
+    table.add_argument("--warm-up", type=float, metavar="S", help="time left out at its start [s] (100)")
+    table.add_argument("--dtype", choices=("float64", "float32"), default="float64", help="plant precision")
+    table.add_argument("--reference", metavar="NAME", help="contestant that ratios are over (lqg)")
+    table.add_argument(
+        "--clairvoyant",
+        action="store_true",
+        help="also the least cost of who knows each sea beforehand (linear payload; seconds for each sea)",
+    )
+    table.add_argument(
+        "--oracle",
+        action="store_true",
+        help="also the cost of who knows what each episode draws (uncertainty)",
+    )
+    _add_other(table)
+    table.add_argument(
+        "--out", required=True, metavar="DIR", help="folder for the results; it resumes what it holds"
+    )
+
     report = verb(
         "report",
         _report,
-        "draw the page of a comparison anew from its folder; nothing is simulated",
+        "draw the page of a comparison or league anew from its folder; nothing is simulated",
         "heave report runs/mine",
     )
-    report.add_argument("folder", metavar="DIR", help="folder that heave compare or heave demo wrote")
+    report.add_argument("folder", metavar="DIR", help="folder that heave compare, demo or league wrote")
 
     operable = verb(
         "operability",
@@ -761,7 +805,12 @@ def _train(options: argparse.Namespace) -> None:
 
     scenario = scenario_of(options.scenario, options.settings)
     run = train(
-        scenario, algorithm=options.algorithm, seed=options.seed, total_steps=options.steps, out=options.out
+        scenario,
+        algorithm=options.algorithm,
+        seed=options.seed,
+        total_steps=options.steps,
+        out=options.out,
+        preset=options.preset,
     )
     print(
         f"{run}: compare it with\n"
@@ -831,6 +880,32 @@ def _compare(options: argparse.Namespace) -> None:
             progress=advance,
         )
     _print_tables(out)
+
+
+def _league(options: argparse.Namespace) -> None:
+    from experiments import league, league_page, runs
+
+    chosen = [scenario_of(name, options.settings) for name in options.scenario]
+    with Bars() as advance:
+        out = league.league(
+            chosen,
+            options.controllers.split(","),
+            n_seeds=options.seeds,
+            out=options.out,
+            variants=options.variants,
+            duration=options.duration,
+            warm_up=options.warm_up,
+            dtype=options.dtype,
+            reference=options.reference,
+            allow_other_scenario=options.allow_other_scenario,
+            clairvoyant=options.clairvoyant,
+            oracle=options.oracle,
+            arguments=options.arguments,
+            progress=advance,
+        )
+    for line in league.printed(runs.read_json(out / league_page.SUMMARY_FILE)):
+        print(line)
+    print(f"leaderboard: {out / league_page.PAGE_FILE}")
 
 
 def _print_tables(out: Path) -> None:

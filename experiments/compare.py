@@ -6,33 +6,53 @@ A comparison's folder is described in `docs/files.md`, its protocol in `docs/com
 from __future__ import annotations
 
 import dataclasses
+import hashlib
 from collections.abc import Callable, Sequence
+from functools import partial
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 
 from experiments import runs
+from experiments.kept import kept_file, read_kept, write_kept
 from experiments.metrics import (
     SCORED,
     WARM_UP,
-    mean_cost,
+    Window,
     metric_names,
+    removed,
     scores,
     spectrum,
     window,
 )
-from experiments.results import Contest, Entry, Outcome, write_contests
+from experiments.results import (
+    CLAIRVOYANT,
+    Contest,
+    Entry,
+    Outcome,
+    outcome_arrays,
+    outcome_of,
+    write_contests,
+)
 from experiments.rollout import FIRST_TEST_SEED, Trajectory, batches, rollout, with_duration
 from heave_env.controller import Controller, NoControl
 from heave_env.parameters import name_hint
-from heave_env.provenance import provenance
+from heave_env.provenance import provenance, versions
 from heave_env.scenarios import Scenario
 
 Array = np.ndarray
 
 AGENT_PREFIX = "agent:"
+FILE_PREFIX = "file:"
 N_STORED_SEAS = 3
 """Seas whose time series are stored [-]."""
+DECISIVE = ("heave_env", "baselines", "experiments/rollout.py", "experiments/metrics.py")
+"""Source that decides what a designed controller is found to do."""
+LIBRARIES = ("python", "numpy", "scipy", "numba")
+"""Packages whose versions do."""
+CLAIRVOYANT_SEAS = 8
+"""Seas of the clairvoyant yardstick that are worked out and kept at a time [-]."""
 
 
 def controller_names() -> tuple[str, ...]:
@@ -43,7 +63,7 @@ def controller_names() -> tuple[str, ...]:
 
 
 def check_specs(specs: Sequence[str]) -> tuple[str, ...]:
-    """The controllers asked for, each a known name or `agent:RUN`, none twice.
+    """The controllers asked for, each a known name, `agent:RUN` or `file:PATH.py`, none twice.
 
     Raises:
         ValueError: If one is unknown, repeated, or there is none.
@@ -60,17 +80,23 @@ def check_specs(specs: Sequence[str]) -> tuple[str, ...]:
             run = spec.removeprefix(AGENT_PREFIX)
             if not Path(run).exists():
                 raise ValueError(f"there is no run {run!r}; train one with heave train")
+        elif spec.startswith(FILE_PREFIX):
+            if not spec.removeprefix(FILE_PREFIX):
+                raise ValueError("file: lacks the Python file; write file:PATH.py, as file:mine.py")
         elif spec not in controller_names():
             known = controller_names()
-            hint = name_hint(spec, known, f"known: {', '.join(known)}, agent:RUN")
+            hint = name_hint(spec, known, f"known: {', '.join(known)}, agent:RUN, file:PATH.py")
             raise ValueError(f"unknown controller {spec!r}; {hint}")
     return wanted
 
 
 def labels_of(specs: Sequence[str]) -> dict[str, str]:
-    """A short label per controller: `agent:` and the run's folder name, the whole path where that clashes."""
+    """A short label per controller: `agent:` and the run's folder name, `file:` and its name, the whole
+    path where that clashes."""
 
     def short(spec: str) -> str:
+        if spec.startswith(FILE_PREFIX):
+            return FILE_PREFIX + Path(spec.removeprefix(FILE_PREFIX)).stem
         if not spec.startswith(AGENT_PREFIX):
             return spec
         path = Path(spec.removeprefix(AGENT_PREFIX)).resolve()
@@ -81,7 +107,8 @@ def labels_of(specs: Sequence[str]) -> dict[str, str]:
 
 
 def controller_of(spec: str, scenario: Scenario, *, allow_other_scenario: bool = False) -> Controller:
-    """The designed controller of that name, or the policy of an `agent:RUN`, for a scenario.
+    """The designed controller of that name, the policy of an `agent:RUN` or what a `file:PATH.py` holds, for
+    a scenario.
 
     Raises:
         ValueError: If there is no such controller, or it does not fit the scenario.
@@ -94,9 +121,138 @@ def controller_of(spec: str, scenario: Scenario, *, allow_other_scenario: bool =
 
         path = spec.removeprefix(AGENT_PREFIX)
         return load_policy(path, scenario, allow_other_scenario=allow_other_scenario)
+    if spec.startswith(FILE_PREFIX):
+        from experiments.submission import load_submission
+
+        return load_submission(spec.removeprefix(FILE_PREFIX), scenario)
     import baselines
 
     return baselines.design(spec, scenario)
+
+
+def content_hash(spec: str) -> str | None:
+    """A hash of the file that makes a controller what it is; None of a designed one, whose source does.
+
+    Raises:
+        ValueError: If the file cannot be read.
+    """
+    if spec.startswith(FILE_PREFIX):
+        path = Path(spec.removeprefix(FILE_PREFIX))
+    elif spec.startswith(AGENT_PREFIX):
+        from agents.policy import POLICY_FILE
+
+        path = Path(spec.removeprefix(AGENT_PREFIX))
+        path = path / POLICY_FILE if path.is_dir() else path.with_suffix(".json")
+    else:
+        return None
+    try:
+        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
+    except OSError as error:
+        raise ValueError(
+            f"there is no controller in {str(path)!r}; name a run folder that heave train has written, or a "
+            "Python file"
+        ) from error
+
+
+def entry_of(label: str, spec: str, scenario: Scenario, *, allow_other_scenario: bool = False) -> Entry:
+    """A controller designed or loaded for a scenario, under a label.
+
+    Raises:
+        ValueError: If there is no such controller, or it does not fit the scenario.
+    """
+    controller = controller_of(spec, scenario, allow_other_scenario=allow_other_scenario)
+    sees = getattr(controller, "information_set", None) or scenario.information_set
+    return Entry(label, spec, controller, sees)
+
+
+def _identity(
+    scenario: Scenario, spec: str, seeds: Sequence[int], part: Window, dtype: str, sees: str, n_stored: int
+) -> dict[str, Any]:
+    """What must be the same for a kept part to be taken as it is."""
+    from experiments.validate import source_hash
+
+    known, is_agent = versions(), spec.startswith(AGENT_PREFIX)
+    return {
+        "scenario": scenario.fingerprint,
+        "duration": scenario.duration,
+        "controller": spec.partition(":")[0],
+        "content": content_hash(spec),
+        "information_set": sees,
+        "seeds": hashlib.sha256(repr(list(seeds)).encode()).hexdigest()[:16],
+        "n_seeds": len(seeds),
+        "scored": dataclasses.astuple(part),
+        "dtype": dtype,
+        "n_stored": n_stored,
+        "source": source_hash((*DECISIVE, "agents") if is_agent else DECISIVE),
+        "versions": {name: known[name] for name in LIBRARIES},
+    }
+
+
+def play(
+    scenario: Scenario,
+    entry: Entry,
+    seeds: Sequence[int],
+    part: Window,
+    *,
+    dtype: str = "float64",
+    n_stored: int = N_STORED_SEAS,
+    progress: Callable[[int], None] | None = None,
+) -> Outcome:
+    """Lets one controller act in every sea of a scenario and scores it.
+
+    The efficiency against the locked winch is left open, and so is the proven optimum.
+
+    Args:
+        scenario: The operation, with the duration that is wanted.
+        entry: The controller.
+        seeds: One seed per sea.
+        part: The steps that count.
+        dtype: Precision of the plant.
+        n_stored: Seas whose time series are kept; with none, spectra are left out too.
+        progress: Called with the number of sea steps done since the last call.
+    """
+    samples: list[Trajectory] = []
+    rows: list[tuple[dict[str, Array], dict[str, Array]]] = []
+    spectra = []
+    omega = np.empty(0)
+    for batch in batches(scenario, seeds):
+        trajectory = rollout(
+            scenario,
+            entry.controller,
+            batch,
+            dtype=dtype,
+            information_set=entry.information_set,
+            progress=progress,
+        )
+        if not rows:  # the first batch is the largest
+            decision_time, n_batch = trajectory.decision_time, len(batch)
+        found = {}
+        for channel in ("payload_heave", "boom_tip_heave") if n_stored else ():
+            omega, found[channel] = spectrum(trajectory, part, channel)
+        room = max(0, n_stored - sum(sample.n_seas for sample in samples))
+        samples.append(trajectory.selected(room))
+        rows.append((scores(trajectory, part), trajectory.outcomes))
+        spectra.append(found)
+    # Batches are of equal size but for the last: each counts by its seas.
+    weights = [len(row["cost"]) for row, _ in rows]
+    return Outcome(
+        entry=entry,
+        values={
+            name: np.concatenate([row[name] for row, _ in rows])
+            for name in metric_names(scenario)
+            if name in rows[0][0]
+        },
+        ends={name: np.concatenate([ends[name] for _, ends in rows]) for name in rows[0][1]},
+        sample=_joined([sample for sample in samples if sample.n_seas] or samples[:1]),
+        omega=omega,
+        spectra={
+            channel: np.average([found[channel] for found in spectra], axis=0, weights=weights)
+            for channel in spectra[0]
+        },
+        optimal_cost=None,
+        decision_time=decision_time,
+        batch=n_batch,
+    )
 
 
 def run_contest(
@@ -108,6 +264,8 @@ def run_contest(
     dtype: str = "float64",
     clairvoyant: bool = False,
     oracle: bool = False,
+    n_stored: int = N_STORED_SEAS,
+    folder: Path | None = None,
     progress: Callable[[str, int], None] | None = None,
 ) -> Contest:
     """Runs every controller in the same seas of a scenario and scores it.
@@ -120,97 +278,115 @@ def run_contest(
         dtype: Precision of the plant.
         clairvoyant: Whether the cost of who knows the sea beforehand is worked out, seconds for each sea.
         oracle: Whether those run too who know what each episode draws.
+        n_stored: Seas whose time series are kept; with none, spectra are left out too.
+        folder: Where each controller's part is kept as it is finished, and taken from if it is there already;
+            None: nowhere.
         progress: Called with a label and a number of steps done since the last call.
 
     Returns:
-        Scores and the first seas in full.
+        Scores and the first seas in full (of a part that was kept, the stored channels).
     """
     from baselines.bound import causal_bound, optimal_cost
+    from baselines.clairvoyant import clairvoyant_cost
     from baselines.oracle import oracle as make_oracle
 
     part = window(scenario.duration, scenario.control_dt, warm_up)
-    collected: dict[str, list[tuple[Trajectory, dict[str, Array], Array, dict[str, Array]]]] = {}
 
-    def run(entry: Entry, batch: tuple[int, ...]) -> Trajectory:
-        def report(count: int) -> None:
-            if progress is not None:
-                progress(entry.label, count)
+    def report(label: str, count: int) -> None:
+        if progress is not None:
+            progress(label, count)
 
-        return rollout(
+    def run(entry: Entry) -> Outcome:
+        return play(
             scenario,
-            entry.controller,
-            batch,
+            entry,
+            seeds,
+            part,
             dtype=dtype,
-            information_set=entry.information_set,
-            progress=report,
+            n_stored=n_stored,
+            progress=lambda count: report(entry.label, count),
         )
 
-    uncontrolled = Entry("locked winch", "none", NoControl(), scenario.information_set)
-    for batch in batches(scenario, seeds):
-        named = next((entry for entry in entries if entry.spec == "none"), uncontrolled)
-        locked = run(named, batch)
-        for entry in entries:
-            trajectory = locked if entry is named else run(entry, batch)
-            spectra = {}
-            for channel in ("payload_heave", "boom_tip_heave"):
-                omega, spectra[channel] = spectrum(trajectory, part, channel)
-            room = max(0, N_STORED_SEAS - sum(item[0].n_seas for item in collected.get(entry.label, [])))
-            row = scores(trajectory, part, locked) | {
-                f"ended:{name}": rows for name, rows in trajectory.outcomes.items()
-            }
-            collected.setdefault(entry.label, []).append((trajectory.selected(room), row, omega, spectra))
+    def kept(
+        label: str,
+        spec: str,
+        sees: str,
+        make: Callable[[], dict[str, Array]],
+        among: Sequence[int] = seeds,
+        part_name: str = "",
+    ) -> dict[str, Array]:
+        if folder is None:
+            return make()
+        path = kept_file(folder, scenario.name, label + part_name)
+        identity = _identity(scenario, spec, among, part, dtype, sees, n_stored)
+        arrays = read_kept(path, identity)
+        if arrays is None:
+            arrays = make()
+            write_kept(path, identity, arrays)
+        else:
+            report(label, len(among) * scenario.n_steps)
+        return arrays
+
+    def outcome(entry: Entry) -> Outcome:
+        if folder is None:
+            return run(entry)
+        arrays = kept(entry.label, entry.spec, entry.information_set, lambda: outcome_arrays(run(entry)))
+        return outcome_of(arrays, entry, scenario.control_dt)
+
+    def oracle_costs(label: str) -> dict[str, Array]:
+        costs = []
+        for batch in batches(scenario, seeds):
+            made = make_oracle(
+                scenario,
+                batch,
+                design=label,
+                progress=lambda count: report(f"{label} designs", count * scenario.n_steps),
+            )
+            entry = Entry(label, label, made, scenario.information_set)
+            found = play(
+                scenario,
+                entry,
+                batch,
+                part,
+                dtype=dtype,
+                n_stored=0,
+                progress=lambda count: report(label, count),
+            )
+            costs.append(found.values["cost"])
+        return {"cost": np.concatenate(costs)}
+
+    def clairvoyant_costs(among: Sequence[int]) -> dict[str, Array]:
+        costs = clairvoyant_cost(scenario, among, warm_up=part.warm_up)
+        report(CLAIRVOYANT, len(among) * scenario.n_steps)
+        return {"cost": costs}
+
+    locked = next((entry for entry in entries if entry.spec == "none"), None)
+    locked = locked or Entry("locked winch", "none", NoControl(), scenario.information_set)
+    found = {item.label: outcome(item) for item in (locked, *(e for e in entries if e is not locked))}
+    free = found[locked.label].values["payload_heave_std"]
     optima = {
         sees: optimal_cost(dataclasses.replace(scenario, information_set=sees))
         for sees in {entry.information_set for entry in entries}
     }
-    oracles: dict[str, Array] = {}
+    sees = scenario.information_set
+    oracles = {}
     for label in oracle_labels(scenario) if oracle else ():
-        costs = []
-        for batch in batches(scenario, seeds):
-
-            def designed(count: int, label: str = label) -> None:
-                if progress is not None:
-                    progress(f"{label} designs", count * scenario.n_steps)
-
-            made = make_oracle(scenario, batch, design=label, progress=designed)
-            trajectory = run(Entry(label, label, made, scenario.information_set), batch)
-            costs.append(mean_cost(trajectory, part))
-        oracles[label] = np.concatenate(costs)
+        make = partial(oracle_costs, label)
+        oracles[label] = kept(label, label, sees, make)["cost"]
+    known = []
+    for first in range(0, len(seeds), CLAIRVOYANT_SEAS) if clairvoyant else ():
+        among = seeds[first : first + CLAIRVOYANT_SEAS]
+        make = partial(clairvoyant_costs, among)
+        known.append(kept(CLAIRVOYANT, CLAIRVOYANT, sees, make, among, f" {first}")["cost"])
     outcomes = []
     for entry in entries:
-        parts = collected[entry.label]
-        rows = {name: np.concatenate([item[1][name] for item in parts]) for name in parts[0][1]}
-        values = {name: rows[name] for name in metric_names(scenario) if name in rows}
+        item = found[entry.label]
+        values = item.values | {"efficiency_locked_winch": removed(item.values["payload_heave_std"], free)}
         if oracles:
-            values["cost_over_oracle"] = rows["cost"] / list(oracles.values())[-1]
-        outcomes.append(
-            Outcome(
-                entry=entry,
-                values=values,
-                ends={name.removeprefix("ended:"): rows[name] for name in rows if name.startswith("ended:")},
-                sample=_joined([item[0] for item in parts if item[0].n_seas]),
-                omega=parts[0][2],
-                # Batches are of equal size but for the last: weigh each by its seas.
-                spectra={
-                    channel: np.average(
-                        [item[3][channel] for item in parts],
-                        axis=0,
-                        weights=[len(item[1]["cost"]) for item in parts],
-                    )
-                    for channel in parts[0][3]
-                },
-                optimal_cost=optima[entry.information_set],
-                # The first batch is the largest.
-                decision_time=parts[0][0].decision_time,
-                batch=len(parts[0][1]["cost"]),
-            )
-        )
-    known = None
-    if clairvoyant:
-        from baselines.clairvoyant import clairvoyant_cost
-
-        known = clairvoyant_cost(scenario, seeds, warm_up=part.warm_up)
-    return Contest(scenario, part, outcomes, causal_bound(scenario), known, oracles)
+            values["cost_over_oracle"] = values["cost"] / list(oracles.values())[-1]
+        outcomes.append(dataclasses.replace(item, values=values, optimal_cost=optima[entry.information_set]))
+    least = np.concatenate(known) if known else None
+    return Contest(scenario, part, outcomes, causal_bound(scenario), least, oracles)
 
 
 def oracle_labels(scenario: Scenario) -> tuple[str, ...]:
@@ -255,11 +431,12 @@ def compare(
 ) -> Path:
     """Compares controllers in the first test seas of each scenario and writes the folder.
 
-    Nothing is written before everything has run.
+    Each controller's part is kept in the folder as it is finished, and the same call goes on from there; the
+    results are written when everything has run.
 
     Args:
         scenarios: The operations, of distinct names.
-        controllers: Names of designs, and `agent:RUN` for trained agents.
+        controllers: Names of designs, `agent:RUN` for trained agents, `file:PATH.py` for those of others.
         n_seeds: Number of test seas.
         out: Folder for the files; a former comparison there is replaced.
         duration: Length of the episodes [s]; None: the scenario's, but no more than the protocol needs.
@@ -310,12 +487,11 @@ def compare(
             )
     prepared = []
     for scenario in scenarios:
-        entries = []
-        for spec in specs:
-            controller = controller_of(spec, scenario, allow_other_scenario=allow_other_scenario)
-            sees = getattr(controller, "information_set", None) or scenario.information_set
-            entries.append(Entry(labels[spec], spec, controller, sees))
-        timed = with_duration(scenario, _episode(scenario) if duration is None else duration)
+        entries = [
+            entry_of(labels[spec], spec, scenario, allow_other_scenario=allow_other_scenario)
+            for spec in specs
+        ]
+        timed = with_duration(scenario, protocol_duration(scenario) if duration is None else duration)
         window(timed.duration, timed.control_dt, warm_up)
         prepared.append((timed, entries))
 
@@ -336,6 +512,7 @@ def compare(
                 dtype=dtype,
                 clairvoyant=clairvoyant,
                 oracle=oracle,
+                folder=out,
                 progress=report,
             )
         )
@@ -346,7 +523,7 @@ def compare(
     return out
 
 
-def _episode(scenario: Scenario) -> float:
+def protocol_duration(scenario: Scenario) -> float:
     """The protocol's length of an episode [s], or the scenario's own if that is shorter."""
     protocol = round((WARM_UP + SCORED) / scenario.control_dt) * scenario.control_dt
     return min(scenario.duration, protocol)

@@ -15,6 +15,9 @@ COLOURS = ("#8a8f98", "#d1495b", "#e08e1b", "#1f77b4", "#2a9d63", "#7b4bb3", "#1
 """Line colours; the first is kept for no control. They differ in lightness, for print without colour."""
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-", (0, (6, 1.5, 1.2, 1.5)), "-")
 """Line styles that tell controllers apart beside the colour."""
+RATIO_TICKS: tuple[float, ...] = (1.0, 2.0, 0.5, 5.0, 0.2, 10.0, 0.1, 20.0, 50.0, 100.0, 1000.0, 0.01, 0.001)
+RATIO_TICKS += (0.8, 1.5, 0.7, 0.9, 1.2, 1.1, 0.6, 3.0, 1.05, 0.95, 1.02, 0.98, 1.01, 0.99)
+"""Ratios that an axis may bear, the most wanted first [-]."""
 SHOWN = 60.0
 """Length of the time series that is drawn [s]."""
 
@@ -334,6 +337,43 @@ def distribution(heave_std: dict[str, Array]) -> str:
     axis.grid(axis="y", visible=False)
     axis.set_xlabel("std of payload heave in a sea [m]; long bar median, short bar 95 %, arrow maximum")
     axis.set_title("Every sea counts")
+    return _drawn(figure)
+
+
+@_styled
+def performance_profiles(
+    thresholds: Array, shares: dict[str, Array], reference: str, names: Sequence[str]
+) -> str:
+    """Share of seas (and trainings) in which the cost is at most so many times the reference's.
+
+    Args:
+        thresholds: Ratios [-], (n_thresholds,), increasing.
+        shares: By contestant, (n_thresholds,) [-].
+        reference: Whose cost the ratios are over.
+        names: Everybody, in the order that gives them colours.
+    """
+    colours, dashes = colour_of(names), _dashes(names)
+    figure, axis = _figure(figsize=(8.4, 3.9))
+    for label in shares:
+        if label == reference:
+            continue  # a step at one
+        axis.plot(thresholds, 100.0 * shares[label], color=colours[label], ls=dashes[label], label=label)
+    axis.axvline(1.0, color="#30353d", lw=1.0, ls=(0, (2, 2)), label=f"{reference} (ratio 1)")
+    axis.set_xscale("log")
+    axis.set_xlim(thresholds[0], thresholds[-1])
+    axis.set_ylim(0.0, 101.0)
+    low, high = float(thresholds[0]), float(thresholds[-1])
+    ticks: list[float] = []
+    for tick in RATIO_TICKS:
+        apart = min((abs(math.log(tick / other)) for other in ticks), default=math.inf)
+        if low <= tick <= high and apart > math.log(high / low) / 12.0:
+            ticks.append(tick)
+    axis.set_xticks(ticks, [f"{tick:g}" for tick in ticks])
+    axis.minorticks_off()
+    axis.set_xlabel(f"cost J over that of {reference} in the same sea, at most")
+    axis.set_ylabel("share of seas [%]")
+    axis.set_title("Performance profiles: further left and higher is better")
+    axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
     return _drawn(figure)
 
 

@@ -171,14 +171,14 @@ def scores(trajectory: Trajectory, part: Window, locked: Trajectory | None = Non
         "payload_heave_rms": np.sqrt(_mean(heave**2)),
         "payload_heave_max": _largest(np.abs(heave)),
         "sheave_heave_std": _std(sheave),
-        "efficiency_boom_tip": 1.0 - _ratio(payload_std, _std(boom_tip)),
+        "efficiency_boom_tip": removed(payload_std, _std(boom_tip)),
         "efficiency_locked_winch": np.full(trajectory.n_seas, np.nan),
         "control_energy": _mean(command**2),
         "command_std": _std(command),
     }
     if locked is not None:
         free = _masked(locked.states["payload_heave"][ends], locked.valid[steps])
-        row["efficiency_locked_winch"] = 1.0 - _ratio(payload_std, _std(free))
+        row["efficiency_locked_winch"] = removed(payload_std, _std(free))
     if trajectory.has_cable:
         power = _masked(trajectory.steps["winch_power"][steps], valid)
         supply = np.where(valid, trajectory.steps["supply_power"][steps], 0.0)
@@ -203,6 +203,11 @@ def scores(trajectory: Trajectory, part: Window, locked: Trajectory | None = Non
         "position_cost": _mean(_masked(trajectory.steps["position_cost"][steps], valid)),
         "command_cost": _mean(_masked(trajectory.steps["command_cost"][steps], valid)),
     }
+
+
+def removed(remaining: Array, whole: Array) -> Array:
+    """Share of each sea's standard deviation that is gone, (n_seas,) [-]; NaN where there was none."""
+    return 1.0 - _ratio(remaining, whole)
 
 
 def touch_down_speed(trajectory: Trajectory) -> Array:

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from experiments import runs
-from experiments.compare import AGENT_PREFIX, check_specs, controller_of, labels_of
+from experiments.compare import AGENT_PREFIX, check_specs, content_hash, controller_of, labels_of
 from experiments.limits import LEFT_OUT, Limit, Seas, judged, limits_of, seas_needed, verdicts
 from experiments.metrics import CONFIDENCE, METRICS, SCORED, WARM_UP, Window, metric_names, scores, window
 from experiments.rollout import FIRST_TEST_SEED, batches, rollout, with_duration
@@ -104,7 +104,9 @@ class Survey:
             "duration": self.duration,
         }
         if spec.startswith(AGENT_PREFIX):  # its folder may hold another policy by now
-            return found | {"design": None, "policy": _policy_hash(spec)}
+            return found | {"design": None, "policy": content_hash(spec)}
+        if content_hash(spec) is not None:  # nor a submission the same text
+            found |= {"file": content_hash(spec)}
         return found if spec != "none" else found | {"design": None}
 
     def prepared(self, spec: str) -> Controller | None:
@@ -156,25 +158,13 @@ def _refuse_filter_states(spec: str, entries: Sequence[str]) -> None:
         )
 
 
-def _policy_hash(spec: str) -> str:
-    from agents.policy import POLICY_FILE
-
-    path = Path(spec.removeprefix(AGENT_PREFIX))
-    path = path / POLICY_FILE if path.is_dir() else path.with_suffix(".json")
-    try:
-        return hashlib.sha256(path.read_bytes()).hexdigest()[:16]
-    except OSError as error:
-        raise ValueError(
-            f"there is no trained policy at {str(path)!r}; name a run folder that heave train has written"
-        ) from error
-
-
 def _kept_file(folder: Path, spec: str, cell: Cell) -> Path:
     name = spec
-    if spec.startswith(AGENT_PREFIX):
-        path = Path(spec.removeprefix(AGENT_PREFIX)).resolve()
+    if ":" in spec:
+        kind, _, given = spec.partition(":")
+        path = Path(given).resolve()
         known_by = hashlib.sha256(str(path).encode()).hexdigest()[:8]
-        name = "agent-" + re.sub(r"[^\w.-]+", "_", path.name) + "-" + known_by
+        name = f"{kind}-" + re.sub(r"[^\w.-]+", "_", path.name) + "-" + known_by
     return folder / CELLS / name / f"hs_{cell.significant_wave_height}_tp_{cell.peak_period}.json"
 
 

@@ -415,5 +415,10 @@ def render(folder: str | Path) -> str:
 
 
 def write_report(folder: str | Path) -> Path:
-    """Draws the page anew from what the folder holds; returns its path."""
+    """Draws the page of a comparison or league anew from what its folder holds; returns its path."""
+    made = Path(folder) / runs.RUN_FILE
+    if made.is_file() and dict(runs.read_json(made)).get("kind") == runs.LEAGUE:
+        from experiments.league_page import write_page
+
+        return write_page(folder)
     return runs.write_text(Path(folder) / runs.REPORT_FILE, render(folder))

@@ -117,6 +117,62 @@ class Row:
     n_seas: int
 
 
+def outcome_arrays(outcome: Outcome) -> dict[str, Array]:
+    """What is kept of an outcome: plain arrays by `part/name`, and the stored channels of the first seas."""
+    sample = outcome.sample
+    arrays = {
+        "sample_seeds": np.array(sample.seeds, dtype=np.int64),
+        "sample_n_valid": sample.n_valid,
+        "omega": outcome.omega,
+        "decision_time": np.array(outcome.decision_time),
+        "batch": np.array(outcome.batch),
+    }
+    parts = {
+        "values": outcome.values,
+        "ends": outcome.ends,
+        "spectra": outcome.spectra,
+        "states": {name: row for name, row in sample.states.items() if name in STORED_CHANNELS},
+        "steps": {name: row for name, row in sample.steps.items() if name in STORED_CHANNELS},
+    }
+    for part, rows in parts.items():
+        narrow = part in ("states", "steps")
+        arrays |= {f"{part}/{name}": row.astype(np.float32) if narrow else row for name, row in rows.items()}
+    return arrays
+
+
+def outcome_of(arrays: dict[str, Array], entry: Entry, control_dt: float) -> Outcome:
+    """The outcome that was kept of a controller; its proven optimum is left open.
+
+    Args:
+        arrays: What `outcome_arrays` made.
+        entry: The controller.
+        control_dt: Control step [s].
+    """
+
+    def part(name: str) -> dict[str, Array]:
+        return {
+            key.removeprefix(f"{name}/"): row for key, row in arrays.items() if key.startswith(f"{name}/")
+        }
+
+    return Outcome(
+        entry=entry,
+        values=part("values"),
+        ends=part("ends"),
+        sample=Trajectory(
+            seeds=tuple(int(seed) for seed in arrays["sample_seeds"]),
+            control_dt=control_dt,
+            states=part("states"),
+            steps=part("steps"),
+            n_valid=arrays["sample_n_valid"],
+        ),
+        omega=arrays["omega"],
+        spectra=part("spectra"),
+        optimal_cost=None,
+        decision_time=float(arrays["decision_time"]),
+        batch=int(arrays["batch"]),
+    )
+
+
 def result_rows(contest: Contest, reference: str) -> list[Row]:
     """The tidy rows of a contest: every metric of every controller.
 

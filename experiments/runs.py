@@ -29,6 +29,8 @@ REPORT_FILE = "report.html"
 
 COMPARISON = "comparison"
 """`kind` in the `run.json` of a comparison's folder."""
+LEAGUE = "league"
+"""`kind` in the `run.json` of a league's folder."""
 
 
 def write_bytes(path: str | Path, content: bytes) -> Path:

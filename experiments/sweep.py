@@ -95,7 +95,7 @@ class Summary:
         """How fast it was, in a line."""
         minutes = max(self.wall_s, 1e-9) / 60.0
         return (
-            f"{self.n_run} trainings in {self.wall_s:.1f} s with {self.workers} workers: "
+            f"{self.n_run} trainings in {self.wall_s:.1f} s, {self.workers} at a time: "
             f"{self.n_run / minutes:.2f} per minute, {self.cpu_s:.1f} s of processor time, "
             f"{self.cpu_s / max(self.wall_s, 1e-9):.2f} cores kept busy; start {self.start_s:.1f} s"
         )
@@ -344,7 +344,7 @@ def run_cell(task: dict[str, Any]) -> Outcome:
     """Trains one agent, or goes on with it, in whatever process this is.
 
     Args:
-        task: `cell`, the sweep's absolute `folder` and `id`, the program's `source` hash, `save_every` [s]
+        task: `cell`, the sweep's absolute `folder` and `id`, the program's `source` hash (None: not compared), `save_every` [s]
             and whether to draw `progress`.
     """
     began = time.process_time()
@@ -360,7 +360,7 @@ def run_cell(task: dict[str, Any]) -> Outcome:
             f"a worker does not see {str(folder)!r}: on a cluster give --out a folder on a file system that "
             "all nodes share",
         )
-    if source_hash() != task["source"]:
+    if task["source"] not in (None, source_hash()):
         return outcome(FAILED, "a worker has another version of the program: install the same on every node")
     from agents.train import TrainingFailure
 
@@ -418,7 +418,7 @@ def _opened_pool(
     task = {
         "folder": str(folder.resolve()),
         "id": identifier,
-        "source": source_hash(),
+        "source": None if address is None else source_hash(),  # here all run the same program
         "save_every": save_every,
         "progress": False,
     }

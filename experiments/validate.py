@@ -12,6 +12,7 @@ import importlib.util
 import pkgutil
 import time
 from collections.abc import Callable, Sequence
+from functools import cache
 from pathlib import Path
 from typing import Any
 
@@ -56,12 +57,17 @@ def chosen(names: Sequence[str], *, fast: bool = False) -> list[Validation]:
     return [case for case in wanted if not (fast and case.slow)]
 
 
-def source_hash() -> str:
-    """A hash of the program's source: what was found with another source is found anew."""
+@cache
+def source_hash(parts: tuple[str, ...] = ("heave_env", "baselines", "agents", "experiments")) -> str:
+    """A hash of the program's source: what was found with another source is found anew.
+
+    Args:
+        parts: Rooms, and single files below the root.
+    """
     root = Path(__file__).resolve().parents[1]
     digest = hashlib.sha256()
-    for room in ("heave_env", "baselines", "agents", "experiments"):
-        for path in sorted((root / room).rglob("*.py")):
+    for part in parts:
+        for path in sorted((root / part).rglob("*.py")) or [root / part]:
             digest.update(path.read_bytes())
     return digest.hexdigest()[:16]
 

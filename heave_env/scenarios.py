@@ -365,11 +365,10 @@ class Scenario:
                     f"Scenario.uncertainty cannot draw {path!r}; it may draw numbers of "
                     f"{', '.join(DRAWN_PARTS)}, but no {', no '.join(NOT_DRAWN)}"
                 )
-            if self.sea_state.kind in ("recorded", "calm") and part in ("sea_state", "vessel"):
-                fixed = "recording" if self.sea_state.kind == "recorded" else "calm"
+            if self.sea_state.kind == "recorded" and part in ("sea_state", "vessel"):
                 raise ValueError(
-                    f"Scenario.uncertainty cannot draw {path!r}, since sea_state.kind is "
-                    f"{self.sea_state.kind}: the {fixed} is what it is"
+                    f"Scenario.uncertainty cannot draw {path!r}, since sea_state.kind is recorded: the "
+                    "recording is what it is"
                 )
             if path.rsplit(".", 1)[-1] in _ACROSS.get(part, ()):
                 raise ValueError(

@@ -268,12 +268,6 @@ HEIGHT = drawn("sea_state.significant_wave_height", 1.0, 2.0)
             "significant_wave_height",
             "sea_state.kind is recorded",
         ),
-        (
-            "sea_state_5",
-            {"sea_state.kind": "calm", "uncertainty": HEIGHT},
-            "significant_wave_height",
-            "sea_state.kind is calm",
-        ),
         ("thesis_cable", {"uncertainty": drawn("vessel.gain", 0.1, 0.2)}, "vessel.gain", "vessel is null"),
         (
             "sea_state_5",

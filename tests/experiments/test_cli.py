@@ -20,6 +20,7 @@ VERBS = (
     "train",
     "sweep",
     "compare",
+    "league",
     "report",
     "operability",
     "identify",

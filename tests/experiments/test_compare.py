@@ -27,7 +27,7 @@ from experiments.rollout import FIRST_TEST_SEED, rollout
 from heave_env.scenarios import from_mapping, load, with_value
 from tests.experiments.stored import comparison
 
-FILES = {"results.csv", "results.json", "episodes.csv", "trajectories.npz", "run.json", "report.html"}
+FILES = {"results.csv", "results.json", "episodes.csv", "trajectories.npz", "run.json", "report.html", "kept"}
 
 
 @pytest.fixture(scope="module")
@@ -411,3 +411,48 @@ def test_numbers_are_shown_to_three_digits(number, text):
 def test_an_interval_sets_the_digits_of_its_mean(mean, half, text):
     shown = report.with_interval({"mean": mean, "low": mean - half, "high": mean + half})
     assert shown.replace("\N{NARROW NO-BREAK SPACE}", " ") == text
+
+
+# Interrupted -------------------------------------------------------------------------------------
+
+
+def test_an_interrupted_comparison_goes_on_where_it_was(tmp_path, monkeypatch):
+    given = dict(n_seeds=2, duration=20.0, arguments=["compare"], oracle=True)
+    names, labels = [load("unknown_linear")], ["none", "feedforward", "lqg"]
+    whole = compare(names, labels, out=tmp_path / "whole", **given)
+
+    def stop(scenario, label, count, total):
+        if label == "lqg":
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        compare(names, labels, out=tmp_path / "cut", progress=stop, **given)
+    assert [path.name for path in (tmp_path / "cut").iterdir()] == ["kept"]
+
+    acted = []
+
+    def noted(scenario, controller, seeds, **options):
+        acted.append(getattr(controller, "name", "?"))
+        return rollout(scenario, controller, seeds, **options)
+
+    monkeypatch.setattr("experiments.compare.rollout", noted)
+    cut = compare(names, labels, out=tmp_path / "cut", **given)
+    assert acted == ["lqg", "oracle"]
+    assert (cut / "episodes.csv").read_bytes() == (whole / "episodes.csv").read_bytes()
+    results = [
+        [row for row in rows_of(path / "results.csv") if row["metric"] != "decision_time"]
+        for path in (whole, cut)
+    ]
+    assert results[0] == results[1]
+    arrays = [runs.read_arrays(path / "trajectories.npz") for path in (whole, cut)]
+    assert all(np.array_equal(arrays[0][key], arrays[1][key]) for key in arrays[0])
+
+    # Other seas, another window and a broken file are run again; what is the same is not.
+    compare(names, labels, out=tmp_path / "cut", **given)
+    assert acted == ["lqg", "oracle"]
+    (kept,) = (tmp_path / "cut").glob("kept/unknown_linear/feedforward.npz")
+    kept.write_bytes(kept.read_bytes()[:100])
+    compare(names, labels, out=tmp_path / "cut", **given)
+    assert acted == ["lqg", "oracle", "feedforward"]
+    compare(names, ["none"], out=tmp_path / "cut", **given | {"oracle": False, "warm_up": 2.0})
+    assert acted[3:] == ["none"]

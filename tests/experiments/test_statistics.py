@@ -6,13 +6,17 @@ from itertools import product
 
 import numpy as np
 import pytest
-from scipy.stats import norm
+from scipy.stats import norm, trim_mean
 
 from experiments.statistics import (
+    Resamples,
     bootstrap,
+    improvement,
     interquartile_mean,
+    mean,
     mean_difference,
     mean_ratio,
+    middle_mean,
     performance_profile,
     probability_of_improvement,
 )
@@ -104,3 +108,33 @@ def test_the_same_seed_gives_the_same_interval():
 def test_what_cannot_be_compared_is_refused(call, words):
     with pytest.raises(ValueError, match=words):
         call()
+
+
+def test_statistics_of_resamples_are_those_of_the_scores_drawn():
+    """Counting how often a sea and a training are drawn is the same as drawing them."""
+    rng = np.random.default_rng(6)
+    ours, theirs = rng.integers(0, 9, (3, 7)).astype(float), rng.integers(0, 9, (2, 7)).astype(float) + 1.0
+    seas, first, second = rng.integers(7, size=7), rng.integers(3, size=3), rng.integers(2, size=2)
+    drawn = Resamples(
+        np.bincount(seas, minlength=7)[None].astype(float),
+        tuple(np.bincount(i, minlength=n)[None].astype(float) for i, n in ((first, 3), (second, 2))),
+    )
+    ours_drawn, theirs_drawn = ours[np.ix_(first, seas)], theirs[np.ix_(second, seas)]
+    for statistic, expected in (
+        (mean, ours_drawn.mean()),
+        (mean_ratio, ours_drawn.mean() / theirs_drawn.mean()),
+        (mean_difference, ours_drawn.mean() - theirs_drawn.mean()),
+        (middle_mean, trim_mean(ours_drawn, 0.25, axis=None)),
+        (improvement, probability_of_improvement(ours_drawn, theirs_drawn)),
+    ):
+        np.testing.assert_allclose(statistic([ours, theirs], drawn), [expected], rtol=1e-13)
+
+
+def test_everybody_is_drawn_in_the_same_seas():
+    sea = np.arange(1.0, 31.0)[None]
+    found = bootstrap(mean_ratio, [[2.0 * sea, sea]], n_resamples=50)
+    assert found.low == pytest.approx(2.0) and found.high == pytest.approx(2.0)
+    # Whoever is compared with whom, and however many trainings there are.
+    several = bootstrap(mean, [[np.repeat(sea, 4, axis=0)]], n_resamples=50)
+    alone = bootstrap(mean, [[sea]], n_resamples=50)
+    assert (several.low, several.high) == pytest.approx((alone.low, alone.high))

@@ -1,0 +1,303 @@
+"""The page of a league, drawn from the leaderboard that its folder holds; nothing is simulated."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from experiments import figures, page, runs
+from experiments.leaderboard import NOMINAL, POOLED
+from experiments.report import DASH, ended_early, significant
+
+PAGE_FILE = "leaderboard.html"
+SUMMARY_FILE = "leaderboard.json"
+
+Cell = dict[str, str]
+"""What stands in a cell of a table: `text`, `interval` below it, and the `quantity` it is."""
+Column = tuple[str, str, str, float, bool]
+"""Heading, explanation, quantity, factor to the shown unit, and whether the interval is shown."""
+
+SPREAD_TEXT = (("median", "median"), ("p95", "95 %"), ("maximum", "maximum"))
+YARDSTICK_TEXT = {
+    "optimum": "the proven optimum with what the contestant sees",
+    "oracle": "lqg that knows what each episode drew",
+    "oracle_mpc": "mpc that knows what each episode drew",
+    "clairvoyant": "the least J of who knows the sea beforehand",
+}
+
+
+def cost_columns(told: dict[str, Any], reference: str) -> list[Column]:
+    """Columns of what everybody costs, those that exist."""
+    found = {key for entry in told["entries"].values() for key in entry["quantities"]}
+    ratio = f"cost_ratio_to_{reference}"
+    columns: list[Column] = [
+        (f"J / {reference}", f"mean J over the mean J of {reference}, same seas", ratio, 1.0, True),
+        ("median", f"of J over that of {reference} in the same sea", "cost_ratio_median", 1.0, False),
+        ("95 %", "of these ratios lie below", "cost_ratio_p95", 1.0, False),
+        ("maximum", "of these ratios", "cost_ratio_maximum", 1.0, False),
+        (
+            "middle mean",
+            "of the middle half of the ratios",
+            "cost_ratio_interquartile_mean",
+            1.0,
+            True,
+        ),
+        (
+            f"beats {reference} [%]",
+            f"probability that its J is below that of {reference} in a sea of chance",
+            "probability_of_improvement",
+            1e2,
+            True,
+        ),
+    ]
+    yardsticks = sorted(key for key in found if key.startswith("cost_ratio_to_") and key != ratio)
+    for key in yardsticks:
+        name = key.removeprefix("cost_ratio_to_")
+        said = YARDSTICK_TEXT.get(name, f"the mean J of {name}, same seas")
+        columns.append((f"J / {name}", f"mean J over {said}", key, 1.0, True))
+    if "cost" in found:
+        columns.append(("J", "mean of q x² + r u0², and of what failures cost", "cost", 1.0, True))
+    return [column for column in columns if column[2] in found]
+
+
+def load_columns(told: dict[str, Any]) -> list[Column]:
+    """Columns of motion and load, those that exist."""
+    found = {key for entry in told["entries"].values() for key in entry["quantities"]}
+    columns: list[Column] = [("payload std [mm]", "of heave, mean", "payload_heave_std", 1e3, True)]
+    columns += [
+        (text, "payload std [mm]", f"payload_heave_std_{key}", 1e3, False) for key, text in SPREAD_TEXT
+    ]
+    columns += [
+        (
+            "std / bound",
+            "payload std over what no causal controller can beat",
+            "payload_heave_std_ratio_to_bound",
+            1.0,
+            True,
+        ),
+        ("control energy [m²]", "mean square of the command u0", "control_energy", 1.0, True),
+        ("95 %", "control energy [m²]", "control_energy_p95", 1.0, False),
+        ("winch work [MJ]", "positive mechanical work in the scored time", "winch_work", 1e-6, True),
+        ("95 %", "winch work [MJ]", "winch_work_p95", 1e-6, False),
+        ("peak tension [kN]", "anywhere along the cable, mean", "tension_peak", 1e-3, True),
+        ("95 %", "peak tension [kN]", "tension_peak_p95", 1e-3, False),
+        ("maximum", "peak tension [kN]", "tension_peak_maximum", 1e-3, False),
+        ("µs per decision", "mean time of an action, per sea of the batch", "decision_time", 1.0, False),
+    ]
+    return [column for column in columns if column[2] in found]
+
+
+def cell(found: dict[str, Any], column: Column) -> Cell:
+    """What stands in a cell."""
+    _, _, quantity, factor, shows_interval = column
+    number = found.get(quantity)
+    if number is None or number["value"] is None:
+        return {"text": DASH, "interval": "", "quantity": quantity}
+    interval = ""
+    ends = (number["low"], number["high"])
+    if shows_interval and None not in ends and ends[0] != ends[1]:
+        for digits in (3, 4, 5):  # as few as tell the ends from each other and from 1
+            low, high = (significant(factor * end, digits) for end in ends)
+            interval = f"{low} to {high}"
+            if low != high and significant(1.0, digits) not in (low, high):
+                break
+    return {"text": significant(factor * number["value"], 4), "interval": interval, "quantity": quantity}
+
+
+def _table(
+    told: dict[str, Any], title: str, columns: list[Column], colours: dict[str, str]
+) -> dict[str, Any]:
+    rows = []
+    for name, entry in told["entries"].items():
+        ended = ended_early(
+            {
+                key: {"mean": number["value"]}
+                for key, number in entry["quantities"].items()
+                if key in ("diverged", "lost", "landed")
+            }
+        )
+        n_trainings = len(entry["trainings"])
+        sees = entry["information_set"].replace("_", " ")
+        rows.append(
+            {
+                "label": name,
+                "colour": colours[name],
+                "below": f"{sees} · {n_trainings} trainings" if n_trainings > 1 else sees,
+                "measures": ", ".join(entry["measures"]),
+                "best": name == told["best"],
+                "cells": [cell(entry["quantities"], column) for column in columns],
+                "ended": ended,
+            }
+        )
+    return {"title": title, "columns": [(column[0], column[1]) for column in columns], "rows": rows}
+
+
+def _every_training(told: dict[str, Any], columns: list[Column], colours: dict[str, str]) -> dict[str, Any]:
+    """A table with a row for each training of the agents that have several."""
+    rows = []
+    for name, entry in told["entries"].items():
+        for part in entry["by_training"]:
+            counts = {
+                key: {"mean": part["quantities"][key]["value"]}
+                for key in ("diverged", "lost", "landed")
+                if key in part["quantities"]
+            }
+            rows.append(
+                {
+                    "label": part["training"],
+                    "colour": colours[name],
+                    "below": name,
+                    "measures": "",
+                    "best": False,
+                    "cells": [cell(part["quantities"], column) for column in columns],
+                    "ended": ended_early(counts),
+                }
+            )
+    return {
+        "title": "Every training by itself",
+        "columns": [(column[0], column[1]) for column in columns],
+        "rows": rows,
+    }
+
+
+def _picture(
+    told: dict[str, Any], reference: str, caption: str, names: Sequence[str]
+) -> dict[str, str] | None:
+    found = told["profiles"]
+    if len(found["shares"]) < 2:
+        return None
+    shares = {name: np.array(row) for name, row in found["shares"].items()}
+    text = figures.performance_profiles(np.array(found["thresholds"]), shares, reference, names)
+    return {"caption": caption, "source": page.embedded(text)}
+
+
+def _across(standings: list[dict[str, Any]], name: str, reference: str, colours: dict[str, str]) -> Any:
+    """One table of the ratio in every variant of a scenario; None if it has none."""
+    own = [item for item in standings if item["scenario"] == name]
+    if len(own) < 2:
+        return None
+    own.sort(key=lambda item: item["variant"] == POOLED)  # what is over all of them comes last
+    column: Column = ("", "", f"cost_ratio_to_{reference}", 1.0, True)
+    rows = []
+    for label in own[0]["entries"]:
+        cells = []
+        for item in own:
+            entry = item["entries"].get(label, {"quantities": {}})
+            made = cell(entry["quantities"], column)
+            ended = ended_early(
+                {
+                    key: {"mean": number["value"]}
+                    for key, number in entry["quantities"].items()
+                    if key in ("diverged", "lost")
+                }
+            )
+            cells.append(made | {"best": item["best"] == label, "ended": "" if ended == DASH else ended})
+        rows.append({"label": label, "colour": colours[label], "cells": cells})
+    heads = [
+        ("all variants" if item["variant"] == POOLED else item["variant"].replace("_", " ")) for item in own
+    ]
+    return {"heads": heads, "rows": rows}
+
+
+def _section(told: dict[str, Any], reference: str, colours: dict[str, str], title: str) -> dict[str, Any]:
+    """Tables and picture of one scenario, variant, or of several together."""
+    columns = cost_columns(told, reference)
+    tables = [_table(told, "What it costs", columns, colours)]
+    loads = load_columns(told)
+    if loads:
+        tables.append(_table(told, "Motion, load and time", loads, colours))
+    trainings = _every_training(told, columns, colours)
+    if trainings["rows"]:
+        tables.append(trainings)
+    return {
+        "title": title,
+        "tables": tables,
+        "picture": _picture(
+            told, reference, f"{title}: in which share of the seas a ratio is not exceeded.", list(colours)
+        ),
+    }
+
+
+def page_text(summary: dict[str, Any]) -> str:
+    """The page as HTML text.
+
+    Args:
+        summary: What `leaderboard.json` holds.
+    """
+    reference, standings = summary["reference"], summary["standings"]
+    colours = figures.colour_of(sorted({name for item in standings for name in item["entries"]}))
+    overall = []
+    for item in standings:
+        if item["scenario"] == POOLED:
+            what = "scenarios as they are" if item["variant"] == NOMINAL else "variants of all scenarios"
+            overall.append(_section(item, reference, colours, f"{item['n_cells']} {what}"))
+    views = []
+    for name, about in summary["scenarios"].items():
+        own = [item for item in standings if item["scenario"] == name]
+        (nominal,) = (item for item in own if item["variant"] == NOMINAL)
+        variants = []
+        for item in own:
+            if item["variant"] == NOMINAL:
+                continue
+            is_all = item["variant"] == POOLED
+            title = f"all {item['n_cells']} variants" if is_all else item["variant"].replace("_", " ")
+            section = _section(item, reference, colours, title)
+            if not is_all:
+                section["told"] = about["variants"][item["variant"]]["description"]
+                section["picture"] = None
+            variants.append(section)
+        facts = [
+            ("plant", about["plant"]),
+            ("command delay", f"{about['command_delay']:g} s"),
+            ("scored", f"{about['scored']:g} s after {about['warm_up']:g} s"),
+        ]
+        yardsticks = about["variants"][NOMINAL]["yardsticks"]
+        facts += [(f"J of {label}", significant(value)) for label, value in yardsticks.items()]
+        bound = about["variants"][NOMINAL]["bound"]
+        if bound and bound["payload_heave_std"]:
+            facts.append(("causal bound", f"payload std {significant(1e3 * bound['payload_heave_std'])} mm"))
+        views.append(
+            {
+                "name": name,
+                "description": about["description"],
+                "facts": facts,
+                "left_out": about["left_out"],
+                "fingerprint": about["variants"][NOMINAL]["fingerprint"],
+                "nominal": _section(nominal, reference, colours, name),
+                "across": _across(standings, name, reference, colours),
+                "variants": variants,
+            }
+        )
+    return page.render(
+        "league.html.j2",
+        {
+            "views": views,
+            "overall": overall,
+            "reference": reference,
+            "n_seeds": summary["n_seeds"],
+            "first_seed": summary["first_seed"],
+            "last_seed": summary["first_seed"] + summary["n_seeds"] - 1,
+            "dtype": summary["dtype"],
+            "interval": summary["interval"],
+            "made": summary["provenance"],
+        },
+    )
+
+
+def write_page(folder: str | Path) -> Path:
+    """Draws the page anew from what the folder holds; returns its path.
+
+    Raises:
+        ValueError: If the folder holds no leaderboard, or one that is broken.
+    """
+    summary = runs.read_json(Path(folder) / SUMMARY_FILE)
+    try:
+        text = page_text(summary)
+    except (KeyError, IndexError, TypeError, ValueError) as error:
+        raise ValueError(
+            f"the leaderboard in {str(folder)!r} is incomplete ({error}); run heave league again"
+        ) from error
+    return runs.write_text(Path(folder) / PAGE_FILE, text)
