@@ -11,6 +11,7 @@ from __future__ import annotations
 import contextlib
 import csv
 import dataclasses
+import inspect
 import io
 import json
 import logging
@@ -66,6 +67,10 @@ class TrainingFailure(ValueError):
     """A training that cannot go on; its message says why and what to do."""
 
 
+class FolderInUse(ValueError):
+    """Another process works in the folder."""
+
+
 def train(
     scenario: str | Path | Scenario,
     *,
@@ -107,7 +112,7 @@ def train(
     chosen = scenarios.load(scenario)
     settings = _settings(algorithm, chosen, preset, total_steps, n_envs)
     seen = _seen(chosen, settings)
-    first_sea = _first_sea(seed, settings.n_envs)
+    first_sea = first_training_sea(seed, settings.n_envs)
     folder = Path(out) if out is not None else Path("runs") / f"{chosen.name}-{algorithm}-{seed}"
     identity = {
         "kind": "training",
@@ -119,7 +124,7 @@ def train(
         "scenario": scenarios.to_mapping(seen),
         "preset": json.loads(json.dumps(settings.to_mapping())),
     }
-    with _sole_user(folder):
+    with sole_user(folder):
         run = _Run.opened(folder, identity)
         if run.content["status"] == "finished":
             if progress:
@@ -161,8 +166,12 @@ def _seen(scenario: Scenario, settings: Preset) -> Scenario:
     return dataclasses.replace(scenario, **changes)
 
 
-def _first_sea(seed: int, n_envs: int) -> int:
-    """First of the training seas of a seed; no two seeds share a sea."""
+def first_training_sea(seed: int, n_envs: int) -> int:
+    """First of the training seas of a seed; no two seeds share a sea.
+
+    Raises:
+        ValueError: If there are no seas for such a seed.
+    """
     most = TRAINING_SEEDS // max(n_envs, 1000) - 1
     if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed <= most:
         raise ValueError(f"seed must be a whole number from 0 to {most}, got {seed!r}")
@@ -343,6 +352,17 @@ def _reference(scenario: Scenario, reference: str | None) -> Controller | None:
 # The algorithm -----------------------------------------------------------------------------------
 
 
+_ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
+_OWN_OPTIONS = {"ppo": {"n_minibatches", "log_std_init"}, "sac": {"log_std_init"}, "td3": set[str]()}
+_NO_OPTIONS = {"self", "policy", "env", "learning_rate", "gamma", "seed", "device", "policy_kwargs"}
+
+
+def option_names(algorithm: str) -> set[str]:
+    """What a preset's `options` may hold: the algorithm's own arguments, but those that keys stand for."""
+    taken = set(inspect.signature(_ALGORITHMS[algorithm].__init__).parameters) | _OWN_OPTIONS[algorithm]
+    return taken - _NO_OPTIONS - ({"batch_size"} if algorithm == "ppo" else set())
+
+
 def build_model(settings: Preset, env: ScaledReward, ground: Groundwork, seed: int) -> BaseAlgorithm:
     """The preset's algorithm on an environment, with its whitened observation and linear skip.
 
@@ -446,8 +466,8 @@ class _Training:
         supervisor = _Supervisor(self, model, batch, env, guide)
         if saved is not None:
             supervisor.restore(*saved)
+        run.update(status="running")  # before any other file: a killed run is known for one
         model.set_logger(Logger(str(run.folder), [supervisor.curve, _tensorboard(run.folder)]))
-        run.update(status="running")
         try:
             with _interrupt_flag() as flag:
                 supervisor.interrupted = flag
@@ -823,7 +843,8 @@ class _Run:
         """
         path = folder / RUN_FILE
         if not path.exists():
-            strangers = [entry.name for entry in folder.iterdir() if entry.name != _LOCK_FILE]
+            # Hidden are the lock, and drafts that a killed process left.
+            strangers = [entry.name for entry in folder.iterdir() if not entry.name.startswith(".")]
             if strangers:
                 raise ValueError(
                     f"{str(folder)!r} holds files but no run ({min(strangers)!r}, ...): choose another folder"
@@ -867,8 +888,13 @@ _LOCK_FILE = ".lock"
 
 
 @contextlib.contextmanager
-def _sole_user(folder: Path) -> Iterator[None]:
-    """Holds the folder for this process; the system lets go of it when the process ends, however it does."""
+def sole_user(folder: Path) -> Iterator[None]:
+    """Holds the folder for this process; the system lets go of it when the process ends, however it does.
+
+    Raises:
+        FolderInUse: If another process holds it.
+        ValueError: If it cannot be made.
+    """
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -882,7 +908,7 @@ def _sole_user(folder: Path) -> Iterator[None]:
         try:
             fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except OSError as error:
-            raise ValueError(
+            raise FolderInUse(
                 f"another process is training in {str(folder)!r}: wait for it or end it"
             ) from error
         yield

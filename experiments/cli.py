@@ -7,6 +7,7 @@ both cases the files that were there before are still there.
 from __future__ import annotations
 
 import argparse
+import json
 import os
 import sys
 from collections.abc import Callable, Sequence
@@ -56,7 +57,8 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"heave: this needs the package {error.name!r}; install it with pip", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        resumes = options.run in (_train, _demo, _compare, _league, _validate, _reproduce, _operability)
+        resumable = (_train, _sweep, _demo, _compare, _league, _validate, _reproduce, _operability)
+        resumes = options.run in resumable
         hint = "the same command goes on from there" if resumes else "nothing half-written was left behind"
         print(f"heave: interrupted; {hint}", file=sys.stderr)
         return INTERRUPTED
@@ -166,6 +168,29 @@ def parser() -> Parser:
     train.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the training (0)")
     train.add_argument("--steps", type=_count, metavar="N", help="environment steps (the preset's)")
     train.add_argument("--out", metavar="DIR", help="run folder (runs/SCENARIO-ALGORITHM-SEED)")
+
+    sweep = verb(
+        "sweep",
+        _sweep,
+        "train over scenarios, algorithms, kinds and seeds, or search for settings; the same command resumes",
+        "heave sweep seeds.yaml --out runs/seeds --workers 2",
+        "heave sweep seeds.yaml --out /shared/seeds --address 10.0.0.1:6379",
+    )
+    sweep.add_argument("file", metavar="FILE.yaml", help="what to train (docs/sweeps.md)")
+    sweep.add_argument(
+        "--out", metavar="DIR", help="folder for the runs and the table (runs/ and the file's name)"
+    )
+    sweep.add_argument(
+        "--address",
+        metavar="ADDRESS",
+        help="Ray cluster to run on; DIR must lie on a file system that all its nodes see (this machine)",
+    )
+    sweep.add_argument(
+        "--workers",
+        type=_count,
+        metavar="N",
+        help="trainings at a time, one processor each (all); 1 needs no Ray",
+    )
 
     compare = verb(
         "compare",
@@ -496,7 +521,7 @@ class Bars:
     def __enter__(self) -> Bars:
         return self
 
-    def __call__(self, scenario: str, label: str, count: int, total: int) -> None:
+    def __call__(self, scenario: str, label: str, count: float, total: int) -> None:
         """Advances the bar of a scenario and controller by `count` of `total`."""
         if self.drawn is None:
             from rich.progress import BarColumn, Progress, TaskProgressColumn, TextColumn, TimeRemainingColumn
@@ -791,6 +816,47 @@ def _train(options: argparse.Namespace) -> None:
         f"{run}: compare it with\n"
         f"  heave compare {options.scenario} --controllers none,lqg,agent:{run} --out DIR"
     )
+
+
+def _sweep(options: argparse.Namespace) -> None:
+    from experiments.report import significant
+    from experiments.sweep import TABLE_FILE, differing, sweep
+
+    with Bars() as advance:
+        found = sweep(
+            options.file,
+            out=options.out,
+            address=options.address,
+            workers=options.workers,
+            arguments=options.arguments,
+            progress=lambda count, total: advance("sweep", "trainings", count, total),
+        )
+    table = _table(
+        "scenario",
+        "algorithm",
+        "kind",
+        "seed",
+        "settings that differ",
+        "steps",
+        "wall [s]",
+        "validation cost",
+        wide="settings that differ",
+    )
+    for row, told in zip(found.rows, differing(found.rows), strict=True):
+        cost = row["status"] if row["validation_cost"] is None else significant(row["validation_cost"], 4)
+        settings = (row["seed"], told, row["steps"], row["wall_s"])
+        table.add_row(row["scenario"], row["algorithm"], row["kind"], *map(str, settings), cost)
+    _print(table)
+    for folder, reason in found.failures.items():
+        print(f"heave: {folder}: {' '.join(reason.split())}", file=sys.stderr)
+    if found.best is not None:
+        value, trial = found.best["value"], found.best["trial"]
+        print(f"best of the search: {value:.5g}, trial {trial}: {json.dumps(found.best['overrides'])}")
+    if found.n_skipped:
+        print(f"{found.n_skipped} trainings were finished before")
+    print(found.speed)
+    print(f"table: {found.folder / TABLE_FILE}")
+    options.exit_code = FAILED if found.failures else 0
 
 
 def _compare(options: argparse.Namespace) -> None:

@@ -21,6 +21,8 @@ HOMES = {  # the first room in which a package may be imported
     "matplotlib": "experiments",
     "jinja2": "experiments",
     "moordyn": "experiments",
+    "ray": "experiments",
+    "optuna": "experiments",
     "daqp": "baselines",
     "clarabel": "baselines",
 }

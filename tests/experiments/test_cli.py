@@ -18,6 +18,7 @@ VERBS = (
     "scenarios",
     "simulate",
     "train",
+    "sweep",
     "compare",
     "league",
     "report",
