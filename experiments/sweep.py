@@ -344,8 +344,8 @@ def run_cell(task: dict[str, Any]) -> Outcome:
     """Trains one agent, or goes on with it, in whatever process this is.
 
     Args:
-        task: `cell`, the sweep's absolute `folder` and `id`, the program's `source` hash (None: not compared), `save_every` [s]
-            and whether to draw `progress`.
+        task: `cell`, the sweep's absolute `folder` and `id`, the program's `source` hash (None: not
+            compared), `save_every` [s] and whether to draw `progress`.
     """
     began = time.process_time()
     cell: Cell = task["cell"]
