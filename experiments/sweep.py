@@ -495,7 +495,7 @@ def _ray(address: str | None, workers: int | None) -> Iterator[Any]:
     with _environment({"RAY_USAGE_STATS_ENABLED": "0", "RAY_ACCEL_ENV_VAR_OVERRIDE_ON_ZERO": "0"}):
         import ray
 
-        quiet = {"logging_level": "ERROR", "log_to_driver": False}
+        quiet: dict[str, Any] = {"logging_level": "ERROR", "log_to_driver": False}
         if address is not None:
             _check_address(address)
             try:
