@@ -25,10 +25,11 @@ from numba import njit
 from baselines.estimator import Estimator, estimator
 from baselines.kalman import KalmanFilter, kalman_filter
 from heave_env.compiled import source_fingerprint
+from heave_env.lanes import block_at
 from heave_env.layout import (
     ACCELERATION_LIMIT,
-    COMMAND,
     N_FIXED,
+    N_SCRATCH,
     SPEED_LIMIT,
     STROKE_LIMIT,
     WINCH_DECAY,
@@ -86,9 +87,11 @@ def _compiled(fingerprint: int) -> Any:
         z, logs = np.empty((n_steps, n_outputs)), np.empty((n_steps, n_outputs))
         gain, following = np.empty(n), np.empty(n)
         limited = n_substeps > 0
-        S = np.zeros((N_FIXED, 1))
-        S[WINCH_RATE_CONSTANT, 0], S[WINCH_DECAY, 0] = drum[0], drum[1]
-        S[SPEED_LIMIT, 0], S[ACCELERATION_LIMIT, 0], S[STROKE_LIMIT, 0] = drum[2], drum[3], drum[4]
+        # The winch's stage works on the rows of a single environment, and on scratch rows.
+        rows, scratch_rows = np.zeros(N_FIXED), np.zeros(N_SCRATCH)
+        S, scratch = block_at(rows.ctypes.data, 0, 1, 0), block_at(scratch_rows.ctypes.data, 0, 1, 0)
+        S[WINCH_RATE_CONSTANT], S[WINCH_DECAY] = drum[0], drum[1]
+        S[SPEED_LIMIT], S[ACCELERATION_LIMIT], S[STROKE_LIMIT] = drum[2], drum[3], drum[4]
         for k in range(n_steps):
             # The noises of the channels are independent: one after the other corrects by the same.
             for j in range(n_outputs):
@@ -115,19 +118,19 @@ def _compiled(fingerprint: int) -> Any:
                     total += mean_A[a, b] * x[b]
                 following[a] = total
             if limited:
-                S[WINCH_DISPLACEMENT, 0], S[WINCH_RATE, 0] = x[2], rate
+                S[WINCH_DISPLACEMENT], S[WINCH_RATE] = x[2], rate
                 for i in range(n_substeps):
                     age = -((i - n_delayed) // n_substeps)
-                    S[COMMAND, 0] = u0[k] if age <= 0 else x[2 + age]
-                    limited_winch_step(S, COMMAND, 1, dt, not ramps)
+                    command = u0[k] if age <= 0 else x[2 + age]
+                    limited_winch_step(S, scratch, command, dt, not ramps)
                     for a in range(2):
                         following[a] += (
-                            forcing[4 * i, a] * S[WINCH_OLD, 0]
-                            + forcing[4 * i + 1, a] * S[WINCH_RATE_START, 0]
-                            + forcing[4 * i + 2, a] * S[WINCH_DISPLACEMENT, 0]
-                            + forcing[4 * i + 3, a] * S[WINCH_RATE, 0]
+                            forcing[4 * i, a] * scratch[WINCH_OLD]
+                            + forcing[4 * i + 1, a] * scratch[WINCH_RATE_START]
+                            + forcing[4 * i + 2, a] * S[WINCH_DISPLACEMENT]
+                            + forcing[4 * i + 3, a] * S[WINCH_RATE]
                         )
-                following[2], rate = S[WINCH_DISPLACEMENT, 0], S[WINCH_RATE, 0]
+                following[2], rate = S[WINCH_DISPLACEMENT], S[WINCH_RATE]
             x[:] = following
             for a in range(n):
                 for b in range(n):
@@ -141,6 +144,8 @@ def _compiled(fingerprint: int) -> Any:
                     for c in range(n):
                         total += AP[a, c] * A[b, c]
                     P[a, b] = P[b, a] = total
+        # The blocks know their memory by address alone: it must live until here.
+        rows[0] = scratch_rows[0] = 0.0
         return z, logs, x, rate, P
 
     return _filter_record
