@@ -79,7 +79,7 @@ def test_beside_limits_the_pass_is_the_estimator(delay, ramps):
 def recorded(scenario: Scenario, n_steps: int) -> tuple[np.ndarray, np.ndarray]:
     """One episode in the hands of the controller for the scenario as it is."""
     controller = lqg(scenario.with_drawn({}))
-    plant = Plant(scenario, 1, show_channels=False)
+    plant = Plant(scenario, 1)
     plant.begin(np.ones(1, dtype=bool), np.array([TEST_SEA]))
     memory, y, commands = None, [], []
     scale = np.array([sensor.scale for sensor in scenario.observed_sensors])

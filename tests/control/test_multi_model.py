@@ -222,7 +222,7 @@ def test_a_row_is_refined_at_the_named_instants_alone():
     # What one row's decisions take is printed with `pytest -s`: it is this machine's, and no claim.
     scenario = load("unknown_linear")
     controller = multi_model(scenario)
-    plant = Plant(scenario, 1, show_channels=False)
+    plant = Plant(scenario, 1)
     plant.begin(np.ones(1, dtype=bool), np.array([TEST_SEA]))
     memory, times, costly = None, [], []
     for step in range(controller.refinements[-1] + 100):
