@@ -413,6 +413,22 @@ def default_reference(labels: Sequence[str]) -> str:
     return "lqg" if "lqg" in labels else labels[0]
 
 
+def check_contest(scenarios: Sequence[Scenario], n_seeds: int) -> None:
+    """Refuses what cannot be compared.
+
+    Raises:
+        ValueError: If there are no scenarios or no seas, or two scenarios have one name.
+    """
+    if n_seeds < 1:
+        raise ValueError(f"seeds must be at least 1, got {n_seeds}")
+    names = [scenario.name for scenario in scenarios]
+    if not names:
+        raise ValueError("no scenario was named; list them with heave scenarios list")
+    for name in names:
+        if names.count(name) > 1:
+            raise ValueError(f"scenario {name!r} is named twice; give each a name of its own")
+
+
 def compare(
     scenarios: Sequence[Scenario],
     controllers: Sequence[str],
@@ -457,14 +473,7 @@ def compare(
     """
     out = runs.check_folder(out, runs.COMPARISON)
     specs = check_specs(controllers)
-    if n_seeds < 1:
-        raise ValueError(f"seeds must be at least 1, got {n_seeds}")
-    names = [scenario.name for scenario in scenarios]
-    if not names:
-        raise ValueError("no scenario was named; list them with heave scenarios list")
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"scenario {name!r} is named twice; give each a name of its own")
+    check_contest(scenarios, n_seeds)
     labels = labels_of(specs)
     chosen = default_reference(list(labels.values()))
     if reference is not None:

@@ -20,6 +20,7 @@ import numpy as np
 from experiments import runs
 from experiments.compare import (
     AGENT_PREFIX,
+    check_contest,
     check_specs,
     content_hash,
     controller_names,
@@ -407,14 +408,7 @@ def league(
     """
     folder = runs.check_folder(out, runs.LEAGUE)
     teams = contestants(controllers)
-    if n_seeds < 1:
-        raise ValueError(f"seeds must be at least 1, got {n_seeds}")
-    names = [scenario.name for scenario in scenarios]
-    if not names:
-        raise ValueError("no scenario was named; list them with heave scenarios list")
-    for name in names:
-        if names.count(name) > 1:
-            raise ValueError(f"scenario {name!r} is named twice; give each a name of its own")
+    check_contest(scenarios, n_seeds)
     called = [team.name for team in teams]
     chosen = default_reference(called) if reference is None else reference
     if chosen not in called:

@@ -961,12 +961,12 @@ def _exact_thesis_sensors() -> tuple[Sensor, ...]:
     return (*_payload_sensors(), Sensor(channel="winch_displacement"))
 
 
-def _survey_sensors() -> tuple[Sensor, ...]:
-    # Payload by acoustic and pressure sensors fused to 5 mm; boom tip by a motion reference unit.
+def _survey_sensors(*, payload: float = 0.005, boom_tip: float = 0.01) -> tuple[Sensor, ...]:
+    # Payload by acoustic and pressure sensors fused; boom tip by a motion reference unit; the drum's encoder.
     return (
-        *_payload_sensors(noise_std=0.005),
-        Sensor(channel="boom_tip_heave", noise_std=0.01),
-        Sensor(channel="boom_tip_heave_rate", noise_std=0.01),
+        *_payload_sensors(noise_std=payload),
+        Sensor(channel="boom_tip_heave", noise_std=boom_tip),
+        Sensor(channel="boom_tip_heave_rate", noise_std=boom_tip),
         Sensor(channel="winch_displacement", noise_std=0.001),
     )
 
@@ -1294,13 +1294,8 @@ def _taut_only(parts: dict[str, Any]) -> dict[str, Any]:
 
 
 def _survey_sensors_in_a_rough_sea() -> tuple[Sensor, ...]:
-    # The noise of `limits_linear`, and the drum's encoder.
-    return (
-        *_payload_sensors(noise_std=0.01),
-        Sensor(channel="boom_tip_heave", noise_std=0.03),
-        Sensor(channel="boom_tip_heave_rate", noise_std=0.03),
-        Sensor(channel="winch_displacement", noise_std=0.001),
-    )
+    # The noise of `limits_linear`.
+    return _survey_sensors(payload=0.01, boom_tip=0.03)
 
 
 @scenario("cable", "limits", "delay")
