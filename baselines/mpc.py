@@ -61,7 +61,7 @@ LEAST_CURVATURE = 1e-6
 convex problem."""
 UNLIMITED = 1e20
 """Bound that stands for none; DAQP takes anything above 1e30 for infinite, and below for a number."""
-FULL = 0.999
+FULL = 0.999999
 """Share of the acceleration limit from which on a planned step counts as at the limit [-]."""
 ROOM = 1e-9
 """What a braking drum is granted beside its braking [m], so that rounding leaves the search an answer."""
@@ -158,7 +158,8 @@ class PredictiveController(LinearController):
         rates = self.planned(state, capability)
         u, v, first = state[:, 2], state[:, 3], rates[:, 0]
         if self.plan.ramps:
-            if capability is None and not winch.parameters.is_second_order:
+            # Before a stop the drum is told to the step how to brake.
+            if capability is None and not winch.parameters.is_second_order and math.isinf(winch.stroke_limit):
                 first = self._end_of_full_acceleration(v, rates)
             command = winch.command_for_rate(u, v, first, tension)
         else:

@@ -154,9 +154,10 @@ def test_the_limited_winch_does_what_the_plan_says():
 
     spy = Spy(**{name: getattr(controller, name) for name in controller.__dataclass_fields__})
     record = trajectory(with_(LIMITS, duration=60.0), spy, 4).states["winch_rate"]
-    # The command of step k arrives 0.2 s later and has done its work another step later. After twelve seconds
-    # the lag has forgotten that the controller had to guess where the drum was at first.
-    assert np.array(planned)[120:-3] == pytest.approx(record[123:-1], abs=1.5e-4)
+    # The command of step k arrives 0.2 s later and has done its work another step later. After ten seconds
+    # the lag has forgotten that the controller had to guess where the drum was at first; while it
+    # accelerates at its limit it forgets nothing.
+    assert np.array(planned)[101:-3] == pytest.approx(record[104:-1], abs=1.5e-4)
 
 
 def test_a_drum_too_fast_to_stop_still_finds_a_plan():
@@ -164,11 +165,11 @@ def test_a_drum_too_fast_to_stop_still_finds_a_plan():
     found = trajectory(tight, mpc(tight, **TUNED["mpc"]), 4)
     assert np.isfinite(found.states["payload_heave"]).all()
     assert np.abs(found.states["winch_displacement"]).max() <= 0.3
-    # It comes to the stops, where the drum stops dead, at little more than three steps of braking: it has
+    # It comes to the stops, where the drum stops dead, at no more than three steps of braking: it has
     # seen them coming (clipped commands arrive at full speed).
     u, v = (np.abs(found.states[name][200:]) for name in ("winch_displacement", "winch_rate"))
     arrives = (u[1:] >= 0.3) & (u[:-1] < 0.3)
-    assert arrives.any() and v[:-1][arrives].max() < 0.035
+    assert arrives.any() and v[:-1][arrives].max() < 0.03
 
 
 # Where limits bite ---------------------------------------------------------------------------------
