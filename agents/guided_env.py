@@ -43,12 +43,20 @@ class GuidedVecEnv(VecEnvWrapper):
         self._command: Array = np.zeros((venv.num_envs, 1))
 
     @property
+    def command(self) -> Array:
+        """The command last given [m], (n_envs, 1)."""
+        return self._command
+
+    @property
+    def own_share(self) -> Array:
+        """The guide's own command as a share of the command range, (n_envs, 1)."""
+        assert self._look is not None
+        return self._look.command / self.guide.controller.command_range
+
+    @property
     def own_action(self) -> Array:
         """The action with which the agent would do as the guide, (n_envs, 1)."""
-        assert self._look is not None
-        if self.guide.mode == "residual":
-            return np.zeros((self.num_envs, 1))
-        return self._look.command / self.guide.controller.command_range
+        return np.zeros((self.num_envs, 1)) if self.guide.mode == "residual" else self.own_share
 
     def _seen(self, observation: Array) -> Array:
         self._look = self.guide.look(observation, self._memory)
@@ -136,6 +144,16 @@ class PrivilegedVecEnv(VecEnvWrapper):
         for row in np.flatnonzero(done):
             infos[row]["terminal_observation"] = np.hstack([infos[row]["terminal_observation"], before[row]])
         return self._with_truth(np.asarray(observation)), reward, done, infos
+
+
+def command_given(env: VecEnv, command_range: float) -> Array:
+    """The command that the plant was last given through `step_async` [m], (n_envs, 1)."""
+    while isinstance(env, VecEnvWrapper):
+        if isinstance(env, GuidedVecEnv):
+            return env.command
+        env = env.venv
+    assert isinstance(env, HeaveVecEnv)
+    return np.clip(env.actions, -1.0, 1.0) * command_range
 
 
 def surroundings(

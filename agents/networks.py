@@ -153,6 +153,17 @@ def set_linear_policy(model: BaseAlgorithm, gain: np.ndarray) -> None:
         target.load_state_dict(model.actor.state_dict())  # type: ignore[attr-defined]
 
 
+def actor_mean(model: BaseAlgorithm, observations: torch.Tensor) -> torch.Tensor:
+    """The actor's mean action before it is cut off or squashed, (n, 1), with its gradient."""
+    policy: Any = model.policy
+    if isinstance(model, PPO):
+        return policy.action_net(policy.mlp_extractor.forward_actor(policy.extract_features(observations)))
+    features = policy.actor.extract_features(observations, policy.actor.features_extractor)
+    if isinstance(model, TD3):
+        return policy.actor.mu(features)
+    return torch.tanh(policy.actor.mu(policy.actor.latent_pi(features)))
+
+
 def set_exploration(model: SAC, log_std: float) -> None:
     """Makes that the logarithm of SAC's initial standard deviation, whatever it sees."""
     layer: Any = model.actor.log_std

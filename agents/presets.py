@@ -59,6 +59,9 @@ class Preset:
     logarithmic_reward: bool = False
     """Whether the logarithm of the stage cost is learned from: where parameters are unknown a few rough
     episodes would rule the mean."""
+    teacher: str | None = None
+    """Designed controller with a Kalman filter whose commands the actor is fitted to before it learns; null:
+    none."""
     excitation: float = 0.05
     """Deviation of the white noise on the action while that covariance is gathered [command range]."""
     feature_bound: float = 15.0

@@ -40,6 +40,7 @@ from stable_baselines3.common.vec_env import VecEnvWrapper
 from agents import checkpoint, networks
 from agents.guide import Guide, guide_from_card, make_guide
 from agents.guided_env import GuidedVecEnv, PrivilegedVecEnv, surroundings
+from agents.imitation import imitate
 from agents.policy import TrainedPolicy, policy_card, save_policy
 from agents.presets import Preset, load_preset
 from agents.vec_env import HeaveVecEnv, ScaledReward
@@ -463,6 +464,19 @@ class _Training:
             ground = groundwork(self.scenario, settings, self.first_sea)
         model = build_model(settings, env, ground, self.seed)
         env.seed(self.first_sea)
+        if saved is None and settings.teacher is not None:
+            teacher = make_guide(settings.teacher, self.scenario, mode="estimate", reach=1.0)
+            left = imitate(
+                model,
+                self.scenario,
+                teacher,
+                guide,
+                privileged=settings.privileged_critic,
+                excitation=0.2 * settings.excitation,
+                first_sea=self.first_sea,
+                seed=self.seed,
+            )
+            run.content["imitation"] = {"teacher": dict(teacher.card), "left": left}
         supervisor = _Supervisor(self, model, batch, env, guide)
         if saved is not None:
             supervisor.restore(*saved)

@@ -70,6 +70,12 @@ class HeaveVecEnv(VecEnv):
         """Keeps the actions for `step_wait`."""
         self._actions = actions
 
+    @property
+    def actions(self) -> np.ndarray:
+        """The actions last given, (n_envs, 1)."""
+        assert self._actions is not None
+        return np.asarray(self._actions, dtype=float).reshape(self.num_envs, 1)
+
     def step_wait(self) -> VecEnvStepReturn:
         """Steps the batch; rewards are float32, as Stable-Baselines3's buffers are."""
         observation, reward, terminated, truncated, info = self.env.step(self._actions)

@@ -1,0 +1,146 @@
+"""Imitation of a designed controller as a starting point: what a plan costs to make, a network costs little.
+
+The agent's network is fitted to the teacher's commands by least squares, on what the agent itself sees where the
+agent itself goes: round by round it drives the plant, the teacher, who has a filter of its own and is told what
+was commanded, says what it would have done, and all that was gathered so far is fitted again. (A network that
+has only seen the teacher's own way does not know what to do beside it.)
+
+Source: Ross, Gordon and Bagnell (2011), DAgger.
+"""
+
+from __future__ import annotations
+
+from typing import Any
+
+import numpy as np
+import torch
+from stable_baselines3.common.base_class import BaseAlgorithm
+
+from agents.guide import Guide
+from agents.guided_env import GuidedVecEnv, command_given, surroundings
+from agents.networks import actor_mean
+from heave_env.scenarios import Scenario
+
+N_ROWS = 128
+"""Seas driven side by side [-]."""
+N_ROUNDS = 6
+"""Rounds; the teacher itself drives the first [-]."""
+ROUND_STEPS = 300
+"""Control steps of a round [-]."""
+SETTLING = 100
+"""Control steps from the start of an episode that are not learned from [-]."""
+N_EPOCHS = 12
+"""Passes over everything gathered so far, after each round; twice as many after the last [-]."""
+BATCH = 2048
+LEARNING_RATE = 2e-3
+
+
+def imitate(
+    model: BaseAlgorithm,
+    scenario: Scenario,
+    teacher: Guide,
+    guide: Guide | None,
+    *,
+    privileged: bool,
+    excitation: float,
+    first_sea: int,
+    seed: int,
+) -> float:
+    """Fits the actor of a model to a teacher's commands.
+
+    Args:
+        model: The algorithm, its actor as it starts.
+        scenario: As the agent sees it.
+        teacher: Who is imitated.
+        guide: The designed controller beside the agent, if there is one.
+        privileged: Whether the truth stands behind the observation, for the critic.
+        excitation: Deviation of the white noise on the action while data are gathered [command range].
+        first_sea: Seed of the first of the seas, training seas.
+        seed: Of the order in which data are shown.
+
+    Returns:
+        The share of the teacher's mean square action that the fit leaves, on the data of the last round before
+        they were learned from [-].
+    """
+    _, env = surroundings(scenario, N_ROWS, guide, privileged=privileged)
+    n_raw = len(scenario.observation_names)
+    rng = np.random.default_rng([seed, first_sea])
+    generator = torch.Generator().manual_seed(seed)
+    env.seed(first_sea)
+    seen = np.asarray(env.reset())
+    memory = np.zeros((N_ROWS, teacher.n_memory))
+    reach = teacher.controller.command_range
+    observations: list[np.ndarray] = []
+    targets: list[np.ndarray] = []
+    left = float("nan")
+    for turn in range(N_ROUNDS):
+        fresh: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
+        for step in range(ROUND_STEPS):
+            look = teacher.look(seen[:, :n_raw], memory)
+            target = _action(env, look.command / reach)
+            if turn > 0 or step >= SETTLING:
+                fresh[0].append(seen.copy())
+                fresh[1].append(target[:, 0].copy())
+            action = target if turn == 0 else _mean(model, seen)
+            noise = excitation * rng.standard_normal((N_ROWS, 1))
+            env.step_async(np.clip(action + _action_of_noise(env, noise), -1.0, 1.0))
+            command = command_given(env, reach)
+            seen = np.asarray(env.step_wait()[0])
+            memory = teacher.advance(memory, look, command)
+        gathered, wanted = np.concatenate(fresh[0]), np.concatenate(fresh[1])
+        if turn == N_ROUNDS - 1:
+            missed = _mean(model, gathered)[:, 0] - wanted
+            left = float(np.mean(missed**2) / max(float(np.mean(wanted**2)), 1e-30))
+        observations.append(gathered)
+        targets.append(wanted)
+        epochs = N_EPOCHS * (2 if turn == N_ROUNDS - 1 else 1)
+        _fit(model, np.concatenate(observations), np.concatenate(targets), epochs, generator)
+    env.close()
+    return left
+
+
+def _action(env: Any, share: np.ndarray) -> np.ndarray:
+    """The action that gives a command, a share of the command range, (n_rows, 1)."""
+    guided = _guided(env)
+    if guided is None or guided.guide.mode == "estimate":
+        return np.clip(share, -1.0, 1.0)
+    return np.clip((share - guided.own_share) / guided.guide.reach, -1.0, 1.0)
+
+
+def _action_of_noise(env: Any, noise: np.ndarray) -> np.ndarray:
+    guided = _guided(env)
+    return noise if guided is None or guided.guide.mode == "estimate" else noise / guided.guide.reach
+
+
+def _guided(env: Any) -> GuidedVecEnv | None:
+    while not isinstance(env, GuidedVecEnv):
+        if not hasattr(env, "venv"):
+            return None
+        env = env.venv
+    return env
+
+
+def _mean(model: BaseAlgorithm, seen: np.ndarray) -> np.ndarray:
+    with torch.no_grad():
+        mean = actor_mean(model, torch.as_tensor(seen, dtype=torch.float32))
+    return np.clip(mean.numpy().astype(float), -1.0, 1.0)
+
+
+def _fit(
+    model: BaseAlgorithm, seen: np.ndarray, targets: np.ndarray, n_epochs: int, generator: torch.Generator
+) -> None:
+    x = torch.as_tensor(seen, dtype=torch.float32)
+    y = torch.as_tensor(targets, dtype=torch.float32)[:, None]
+    size = float(y.std()) + 1e-6
+    parameters = [weight for weight in model.policy.parameters() if weight.requires_grad]
+    optimiser = torch.optim.Adam(parameters, lr=LEARNING_RATE)
+    n_batches = max(1, len(x) // BATCH)
+    schedule = torch.optim.lr_scheduler.CosineAnnealingLR(optimiser, n_epochs * n_batches)
+    for _ in range(n_epochs):
+        order = torch.randperm(len(x), generator=generator)
+        for rows in order.chunk(n_batches):
+            optimiser.zero_grad()
+            loss = torch.mean((actor_mean(model, x[rows]) - y[rows]) ** 2) / size**2
+            loss.backward()
+            optimiser.step()
+            schedule.step()
