@@ -11,8 +11,11 @@ import numpy as np
 
 Array = np.ndarray
 
-COLOURS = ("#8a8f98", "#d1495b", "#e08e1b", "#1f77b4", "#2a9d63", "#7b4bb3", "#12a4b0", "#b5527e", "#6b7a1d")
-"""Line colours; the first is kept for no control. They differ in lightness, for print without colour."""
+COLOURS = ("#8a8f98", "#cf3b2e", "#eda520", "#0b62a8", "#1ba37c", "#4b1f78", "#5bb8ec", "#e58ab8", "#4f4208")
+"""Line colours; the first is kept for no control. They stay apart for those who lack the receptor of red or of
+green, and in lightness, for print without colour."""
+INK = "#30353d"
+"""Colour of what is no controller's: the boom tip, axes' labels, lines of reference."""
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-", (0, (6, 1.5, 1.2, 1.5)), "-")
 """Line styles that tell controllers apart beside the colour."""
 RATIO_TICKS: tuple[float, ...] = (1.0, 2.0, 0.5, 5.0, 0.2, 10.0, 0.1, 20.0, 50.0, 100.0, 1000.0, 0.01, 0.001)
@@ -145,87 +148,118 @@ def _metres(size: float) -> tuple[float, str]:
     return (1e3, "mm") if size < 0.2 else (1.0, "m")
 
 
-@_styled
 def time_series(time: Array, channels: dict[str, dict[str, Array]], *, start: float, delay: float) -> str:
-    """One sea in every controller's hands: heave, command and tension.
+    """One sea in every controller's hands: heave, command, drum and tension; arguments as `draw_series`."""
+    end = min(start + SHOWN, float(time[-1]))
+    panels = series_panels(channels)
+    return svg(
+        lambda figure: draw_series(figure, time, channels, start=start, end=end, delay=delay),
+        series_size(panels),
+    )
+
+
+def series_panels(channels: dict[str, dict[str, Array]]) -> list[str]:
+    """What is drawn of the series of some controllers, from the top."""
+    first = next(iter(channels.values()))
+    panels = ["motion", "payload", "command"] + (["rate"] if "winch_rate" in first else [])
+    return panels + (["tension"] if any("sheave_tension" in series for series in channels.values()) else [])
+
+
+def series_size(panels: Sequence[str]) -> tuple[float, float]:
+    """Size of a figure with so many panels [in]."""
+    return 8.4, 1.75 * len(panels) + 0.5
+
+
+def draw_series(
+    figure: Any,
+    time: Array,
+    channels: dict[str, dict[str, Array]],
+    *,
+    start: float,
+    end: float,
+    delay: float,
+    rate_limit: float = math.inf,
+) -> None:
+    """Draws one sea in every controller's hands.
 
     Args:
+        figure: What to draw on.
         time: Control instants [s], (n_steps + 1,).
         channels: By controller and channel, the series of one sea [SI].
         start: Where the drawn part begins [s].
+        end: Where it ends [s].
         delay: Command delay of the scenario [s].
+        rate_limit: Largest speed of the drum [m/s], drawn where it lies near.
     """
     labels = list(channels)
     colours, dashes = colour_of(labels), _dashes(labels)
-    end = min(start + SHOWN, float(time[-1]))
-    shown = (time >= start) & (time <= end)
+    shown = (time >= start - 1e-9) & (time <= end + 1e-9)
     acting = [label for label in labels if label != "none"] or labels
-    with_cable = any("sheave_tension" in series for series in channels.values())
-    panels = ["motion", "payload", "command", *(["tension"] if with_cable else [])]
-    if acting == labels and "none" not in labels:
-        panels.remove("motion")
-    figure, axes = _figure(
-        len(panels), 1, figsize=(8.4, 1.75 * len(panels) + 0.5), sharex=True, squeeze=False
-    )
+    panels = series_panels(channels)
+    axes = figure.subplots(len(panels), 1, sharex=True, squeeze=False)
     place = dict(zip(panels, axes[:, 0], strict=True))
-    first = channels[labels[0]]
-    if "motion" in place:
-        axis = place["motion"]
-        axis.plot(time[shown], first["boom_tip_heave"][shown], color="#30353d", lw=1.0, label="boom tip")
-        axis.plot(
-            time[shown],
-            channels["none"]["payload_heave"][shown],
-            color=COLOURS[0],
-            lw=2.0,
-            label="payload, none",
-        )
-        axis.set_ylabel("heave [m]")
-        axis.set_title("What the sea does: boom tip, and the payload without control")
-        axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, fontsize=8)
-    axis = place["payload"]
+
+    def drawn(panel: str, channel: str, factor: float, among: Sequence[str]) -> None:
+        for label in among:
+            if channel in channels[label]:
+                series = factor * channels[label][channel][shown]
+                style = {"color": colours[label], "ls": dashes[label]}
+                place[panel].plot(time[shown], series, lw=1.2, label=label, **style)
+
+    axis = place["motion"]
+    boom_tip = channels[labels[0]]["boom_tip_heave"][shown]
+    axis.plot(time[shown], boom_tip, color=INK, lw=1.0, label="boom tip")
+    title = "What the sea does: boom tip"
+    if "none" in labels:
+        free = channels["none"]["payload_heave"][shown]
+        axis.plot(time[shown], free, color=COLOURS[0], lw=2.0, label="payload, none")
+        title += ", and the payload without control"
+    axis.set_ylabel("heave [m]")
+    axis.set_title(title)
+    axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, fontsize=8)
     shares = [float(np.std(channels[label]["payload_heave"][shown])) for label in acting]
     scale, unit = _metres(max(shares))
     title = "Payload heave under control"
     quiet = [share for share in shares if share > 0.0]
-    for label in acting:
-        series = scale * channels[label]["payload_heave"][shown]
-        axis.plot(time[shown], series, color=colours[label], ls=dashes[label], label=label)
+    drawn("payload", "payload_heave", scale, acting)
     if quiet and max(quiet) > 30.0 * min(quiet):
-        _decades(axis, 3.0 * scale * min(quiet), 4.0 * scale * max(quiet))
+        _decades(place["payload"], 3.0 * scale * min(quiet), 4.0 * scale * max(quiet))
         title += ", logarithmic beyond the inner ticks"
-    axis.set_ylabel(f"payload [{unit}]")
-    axis.set_title(title)
+    place["payload"].set_ylabel(f"payload [{unit}]")
+    place["payload"].set_title(title)
     axis = place["command"]
+    steps = shown[:-1]
     for label in acting:
-        series = channels[label]["command"]
-        axis.step(
-            time[:-1][shown[:-1]],
-            series[shown[:-1]],
-            where="post",
-            color=colours[label],
-            ls=dashes[label],
-            lw=1.0,
-        )
+        style = {"color": colours[label], "ls": dashes[label], "lw": 1.0, "label": label}
+        axis.step(time[:-1][steps], channels[label]["command"][steps], where="post", **style)
     axis.set_ylabel("command [m]")
     axis.set_title(
         f"Commanded winch displacement (acts {delay:g} s later)" if delay else "Commanded winch displacement"
     )
-    if with_cable:
-        axis = place["tension"]
-        for label in labels:
-            series = channels[label]["sheave_tension"][shown] / 1e3
-            axis.plot(time[shown], series, color=colours[label], ls=dashes[label], lw=1.0)
-        axis.set_ylabel("tension [kN]")
-        axis.set_title("Tension at the sheave")
+    if "rate" in place:
+        drawn("rate", "winch_rate", 1.0, acting)
+        axis = place["rate"]
+        fastest = max(float(np.abs(channels[label]["winch_rate"][shown]).max()) for label in acting)
+        title = "Drum rate, positive hauls in"
+        if rate_limit < 3.0 * fastest:
+            for limit in (-rate_limit, rate_limit):
+                axis.axhline(limit, color=INK, lw=0.9, ls=(0, (2, 2)))
+            title += f"; dotted the limit, {rate_limit:g} m/s"
+        axis.set_ylabel("drum [m/s]")
+        axis.set_title(title)
+    if "tension" in place:
+        drawn("tension", "sheave_tension", 1e-3, labels)
+        place["tension"].set_ylabel("tension [kN]")
+        place["tension"].set_title("Tension at the sheave")
     axes[-1, 0].set_xlabel("time [s]")
     axes[-1, 0].set_xlim(start, end)
+    figure.align_ylabels(list(axes[:, 0]))
     handles, names = place["payload"].get_legend_handles_labels()
-    if "none" in labels:
+    if "none" in labels and "none" not in names:
         from matplotlib.lines import Line2D
 
         handles, names = [Line2D([], [], color=COLOURS[0]), *handles], ["none", *names]
     figure.legend(handles, names, loc="outside lower center", ncols=min(5, len(names)))
-    return _drawn(figure)
 
 
 @_styled
@@ -242,7 +276,7 @@ def spectra(omega: Array, boom_tip: Array | None, payload: dict[str, Array]) -> 
     figure, axis = _figure(figsize=(5.6, 3.9))
     band = (omega > 0.0) & (omega <= 4.0)
     peaks = []
-    curves = [("boom tip", boom_tip, "#30353d", (0, (2, 2)))]
+    curves = [("boom tip", boom_tip, INK, (0, (2, 2)))]
     curves += [(label, payload[label], colours[label], dashes[label]) for label in labels]
     for label, density, colour, dash in curves:
         if density is None or not np.isfinite(density).all() or not np.any(density[band] > 0.0):
@@ -358,7 +392,7 @@ def performance_profiles(
         if label == reference:
             continue  # a step at one
         axis.plot(thresholds, 100.0 * shares[label], color=colours[label], ls=dashes[label], label=label)
-    axis.axvline(1.0, color="#30353d", lw=1.0, ls=(0, (2, 2)), label=f"{reference} (ratio 1)")
+    axis.axvline(1.0, color=INK, lw=1.0, ls=(0, (2, 2)), label=f"{reference} (ratio 1)")
     axis.set_xscale("log")
     axis.set_xlim(thresholds[0], thresholds[-1])
     axis.set_ylim(0.0, 101.0)

@@ -27,7 +27,14 @@ DIFFERENCE_METRICS = ("payload_heave_std", "cost")
 """Metrics whose paired difference from the reference controller is given."""
 CLAIRVOYANT = "clairvoyant"
 """What the rows of the yardstick that knows the coming sea say for a controller."""
-STORED_CHANNELS = ("boom_tip_heave", "payload_heave", "winch_displacement", "sheave_tension", "command")
+STORED_CHANNELS = (
+    "boom_tip_heave",
+    "payload_heave",
+    "winch_displacement",
+    "winch_rate",
+    "sheave_tension",
+    "command",
+)
 """Channels of the stored seas."""
 
 

@@ -177,6 +177,45 @@ def bootstrap(
     return Estimate(value, float(low), float(high))
 
 
+def profile_band(
+    strata: Sequence[Array],
+    thresholds: Array,
+    *,
+    n_resamples: int = N_RESAMPLES,
+    confidence: float = CONFIDENCE,
+    seed: int = 0,
+) -> tuple[Array, Array, Array]:
+    """A performance profile over several scenarios, each counting alike, with its pointwise interval.
+
+    Args:
+        strata: By scenario, the scores of one contestant, (n_trainings, n_seas).
+        thresholds: Scores, (n_thresholds,).
+        n_resamples: Resamples [-].
+        confidence: Level of the interval [-].
+        seed: Of the resampling.
+
+    Returns:
+        Share of the scores at or below each threshold [-], and the ends of its interval, (n_thresholds,) each.
+
+    Raises:
+        ValueError: If there are no scores or one is not finite.
+    """
+    if not strata:
+        raise ValueError("a performance profile wants the scores of at least one scenario")
+    thresholds = np.asarray(thresholds, dtype=float)
+    value, draws = np.zeros(len(thresholds)), np.zeros((n_resamples, len(thresholds)))
+    for i, stratum in enumerate(strata):
+        scores = _checked(stratum)
+        value += performance_profile(scores, thresholds) / len(strata)
+        drawn = _resamples([scores], n_resamples, (seed, i))
+        for training, counts in zip(scores, drawn.trainings[0].T, strict=True):
+            below = (training[:, None] <= thresholds).astype(float)
+            draws += counts[:, None] * (drawn.seas @ below) / (scores.size * len(strata))
+    tail = 0.5 * (1.0 - confidence)
+    low, high = np.quantile(draws, [tail, 1.0 - tail], axis=0)
+    return value, low, high
+
+
 def _as_they_are(stratum: Sequence[Array]) -> Resamples:
     return Resamples(
         np.ones((1, stratum[0].shape[1])), tuple(np.ones((1, len(scores))) for scores in stratum)
