@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import json
 import random
-from collections.abc import Mapping
+from collections.abc import Iterator, Mapping
 from pathlib import Path
 from typing import Any
 
@@ -118,8 +118,8 @@ def optimizers_of(model: BaseAlgorithm) -> dict[str, torch.optim.Optimizer]:
 def model_state(model: BaseAlgorithm) -> tuple[Arrays, dict[str, Any]]:
     """Everything an algorithm needs to go on bit-identically, but for its environment.
 
-    Weights, optimisers, replay buffer, last observation, counters and the global random streams of
-    torch, NumPy, Python and the action space.
+    Weights, optimisers, replay buffer, last observation, an LSTM's memory, counters and the global random
+    streams of torch, NumPy, Python and the action space.
     """
     arrays: Arrays = {}
     for name, tensor in model.policy.state_dict().items():
@@ -137,6 +137,8 @@ def model_state(model: BaseAlgorithm) -> tuple[Arrays, dict[str, Any]]:
     assert isinstance(model._last_obs, np.ndarray)
     arrays["last_obs"] = model._last_obs
     arrays["last_episode_starts"] = np.asarray(model._last_episode_starts)
+    for owner, part, tensor in _memories(model):
+        arrays[f"memory/{owner}/{part}"] = tensor.cpu().numpy()
     for counter in _COUNTERS:
         content["counters"][counter] = getattr(model, counter)
     if isinstance(model, OffPolicyAlgorithm):
@@ -161,6 +163,8 @@ def restore_model(model: BaseAlgorithm, arrays: Arrays, content: Mapping[str, An
             model.log_ent_coef.copy_(torch.as_tensor(arrays["log_ent_coef"]))  # type: ignore[attr-defined]
     model._last_obs = np.array(arrays["last_obs"])
     model._last_episode_starts = np.array(arrays["last_episode_starts"])
+    for owner, part, tensor in _memories(model):
+        tensor.copy_(torch.as_tensor(arrays[f"memory/{owner}/{part}"]))
     for counter, value in content["counters"].items():
         setattr(model, counter, value)
     if isinstance(model, OffPolicyAlgorithm):
@@ -170,6 +174,14 @@ def restore_model(model: BaseAlgorithm, arrays: Arrays, content: Mapping[str, An
             getattr(buffer, name)[: len(value)] = value
         buffer.pos, buffer.full = content["buffer"]["pos"], content["buffer"]["full"]
     _restore_random_state(model, arrays, content["random"])
+
+
+def _memories(model: BaseAlgorithm) -> Iterator[tuple[str, str, torch.Tensor]]:
+    """What the LSTMs of actor and critic remember of each row, by owner and part."""
+    states = getattr(model, "_last_lstm_states", None)
+    for owner in ("pi", "vf") if states is not None else ():
+        for part, tensor in zip(("output", "cell"), getattr(states, owner), strict=True):
+            yield owner, part, tensor
 
 
 _COUNTERS = ("num_timesteps", "_n_updates", "_episode_num", "_current_progress_remaining")

@@ -12,9 +12,15 @@ from typing import Any
 
 import numpy as np
 import torch
+from sb3_contrib import TQC, RecurrentPPO
+from sb3_contrib.common.recurrent.policies import RecurrentActorCriticPolicy
+from sb3_contrib.tqc.policies import Actor as TqcActor
+from sb3_contrib.tqc.policies import Critic as TqcCritic
+from sb3_contrib.tqc.policies import TQCPolicy
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
-from stable_baselines3.common.policies import ActorCriticPolicy
+from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
+from stable_baselines3.common.policies import ActorCriticPolicy, ContinuousCritic
 from stable_baselines3.common.torch_layers import BaseFeaturesExtractor, MlpExtractor
 from stable_baselines3.sac.policies import Actor as SacActor
 from stable_baselines3.sac.policies import SACPolicy
@@ -92,13 +98,38 @@ class SkipActorCriticPolicy(ActorCriticPolicy):
         )
 
 
-def _width(layers: list[int]) -> int:
-    """Width of the last hidden layer, which the skip stands beside."""
-    return layers[-1]
+class RecurrentSkipPolicy(RecurrentActorCriticPolicy):
+    """RecurrentPPO's policy: features stand beside the LSTM's output, and both beside the hidden layers'."""
+
+    @staticmethod
+    def _process_sequence(
+        features: torch.Tensor,
+        lstm_states: tuple[torch.Tensor, torch.Tensor],
+        episode_starts: torch.Tensor,
+        lstm: nn.LSTM,
+    ) -> tuple[torch.Tensor, Any]:
+        output, states = RecurrentActorCriticPolicy._process_sequence(
+            features, lstm_states, episode_starts, lstm
+        )
+        return torch.cat([output, features], dim=-1), states
+
+    def _build_mlp_extractor(self) -> None:
+        width = self.lstm_output_dim + self.features_dim
+        self.mlp_extractor = SkipExtractor(
+            width, width, net_arch=self.net_arch, activation_fn=self.activation_fn, device=self.device
+        )
 
 
 def _n_actions(space: Any) -> int:
     return int(space.shape[0])
+
+
+def _give_skip(actor: SacActor | TqcActor) -> None:
+    """Puts the linear skip into an actor that squashes a Gaussian."""
+    wide, n_actions = actor.net_arch[-1] + actor.features_dim, _n_actions(actor.action_space)
+    actor.latent_pi = Skip(actor.latent_pi)  # type: ignore[assignment]
+    actor.mu = nn.Linear(wide, n_actions)
+    actor.log_std = nn.Linear(wide, n_actions)  # type: ignore[assignment]
 
 
 class SkipSacActor(SacActor):
@@ -106,18 +137,15 @@ class SkipSacActor(SacActor):
 
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
-        self.latent_pi = Skip(self.latent_pi)  # type: ignore[assignment]
-        wide, n_actions = _width(self.net_arch) + self.features_dim, _n_actions(self.action_space)
-        self.mu = nn.Linear(wide, n_actions)
-        self.log_std = nn.Linear(wide, n_actions)  # type: ignore[assignment]
+        _give_skip(self)
 
 
-class SkipSacPolicy(SACPolicy):
-    """SAC's policy with the linear skip."""
+class SkipTqcActor(TqcActor):
+    """TQC's actor with the linear skip."""
 
-    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> SacActor:
-        kwargs = self._update_features_extractor(self.actor_kwargs, features_extractor)
-        return SkipSacActor(**kwargs).to(self.device)
+    def __init__(self, *args: Any, **kwargs: Any) -> None:
+        super().__init__(*args, **kwargs)
+        _give_skip(self)
 
 
 class SkipTd3Actor(Td3Actor):
@@ -126,16 +154,89 @@ class SkipTd3Actor(Td3Actor):
     def __init__(self, *args: Any, **kwargs: Any) -> None:
         super().__init__(*args, **kwargs)
         *hidden, _, squash = self.mu
-        wide = nn.Linear(_width(self.net_arch) + self.features_dim, _n_actions(self.action_space))
+        wide = nn.Linear(self.net_arch[-1] + self.features_dim, _n_actions(self.action_space))
         self.mu = nn.Sequential(Skip(nn.Sequential(*hidden)), wide, squash)
 
 
+class QuadraticSkip(nn.Module):
+    """The layers' output plus a quadratic form of their input, of low rank, which begins at nothing.
+
+    Where the plant is linear and the cost quadratic so is the value of an action, and its slope decides
+    where an actor goes: a network alone learns that slope badly.
+    """
+
+    def __init__(self, layers: nn.Module, n_inputs: int, n_outputs: int, rank: int) -> None:
+        super().__init__()
+        self.layers = layers
+        self.directions = nn.Linear(n_inputs, rank)
+        self.curvature = nn.Linear(rank, n_outputs, bias=False)
+        nn.init.zeros_(self.curvature.weight)
+
+    def forward(self, x: torch.Tensor) -> torch.Tensor:
+        return self.layers(x) + self.curvature(self.directions(x) ** 2)
+
+
+def _give_quadratic(critic: ContinuousCritic | TqcCritic, n_outputs: int, rank: int) -> None:
+    """Puts the quadratic skip into each of a critic's networks."""
+    networks: list[Any] = critic.q_networks
+    for i, network in enumerate(networks):
+        wrapped = QuadraticSkip(network, network[0].in_features, n_outputs, rank)
+        networks[i] = wrapped
+        critic.add_module(f"qf{i}", wrapped)
+
+
+class SkipSacPolicy(SACPolicy):
+    """SAC's policy: the actor with the linear skip, the critics with the quadratic one."""
+
+    def __init__(self, *args: Any, quadratic_rank: int = 0, **kwargs: Any) -> None:
+        self.quadratic_rank = quadratic_rank
+        super().__init__(*args, **kwargs)
+
+    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> SacActor:
+        kwargs = self._update_features_extractor(self.actor_kwargs, features_extractor)
+        return SkipSacActor(**kwargs).to(self.device)
+
+    def make_critic(self, features_extractor: BaseFeaturesExtractor | None = None) -> ContinuousCritic:
+        critic = super().make_critic(features_extractor)
+        if self.quadratic_rank:
+            _give_quadratic(critic, 1, self.quadratic_rank)
+        return critic.to(self.device)
+
+
 class SkipTd3Policy(TD3Policy):
-    """TD3's policy with the linear skip."""
+    """TD3's policy, likewise."""
+
+    def __init__(self, *args: Any, quadratic_rank: int = 0, **kwargs: Any) -> None:
+        self.quadratic_rank = quadratic_rank
+        super().__init__(*args, **kwargs)
 
     def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> Td3Actor:
         kwargs = self._update_features_extractor(self.actor_kwargs, features_extractor)
         return SkipTd3Actor(**kwargs).to(self.device)
+
+    def make_critic(self, features_extractor: BaseFeaturesExtractor | None = None) -> ContinuousCritic:
+        critic = super().make_critic(features_extractor)
+        if self.quadratic_rank:
+            _give_quadratic(critic, 1, self.quadratic_rank)
+        return critic.to(self.device)
+
+
+class SkipTqcPolicy(TQCPolicy):
+    """TQC's policy, likewise; the quadratic form of a critic's network shifts and spreads its quantiles."""
+
+    def __init__(self, *args: Any, quadratic_rank: int = 0, **kwargs: Any) -> None:
+        self.quadratic_rank = quadratic_rank
+        super().__init__(*args, **kwargs)
+
+    def make_actor(self, features_extractor: BaseFeaturesExtractor | None = None) -> TqcActor:
+        kwargs = self._update_features_extractor(self.actor_kwargs, features_extractor)
+        return SkipTqcActor(**kwargs).to(self.device)
+
+    def make_critic(self, features_extractor: BaseFeaturesExtractor | None = None) -> TqcCritic:
+        critic = super().make_critic(features_extractor)
+        if self.quadratic_rank:
+            _give_quadratic(critic, critic.n_quantiles, self.quadratic_rank)
+        return critic.to(self.device)
 
 
 # Where a training starts -------------------------------------------------------------------------
@@ -156,7 +257,7 @@ def set_linear_policy(model: BaseAlgorithm, gain: np.ndarray) -> None:
 def actor_mean(model: BaseAlgorithm, observations: torch.Tensor) -> torch.Tensor:
     """The actor's mean action before it is cut off or squashed, (n, 1), with its gradient."""
     policy: Any = model.policy
-    if isinstance(model, PPO):
+    if type(model) is PPO:
         return policy.action_net(policy.mlp_extractor.forward_actor(policy.extract_features(observations)))
     features = policy.actor.extract_features(observations, policy.actor.features_extractor)
     if isinstance(model, TD3):
@@ -164,9 +265,22 @@ def actor_mean(model: BaseAlgorithm, observations: torch.Tensor) -> torch.Tensor
     return torch.tanh(policy.actor.mu(policy.actor.latent_pi(features)))
 
 
-def set_exploration(model: SAC, log_std: float) -> None:
-    """Makes that the logarithm of SAC's initial standard deviation, whatever it sees."""
-    layer: Any = model.actor.log_std
+def hold_actor(model: BaseAlgorithm, held: bool) -> None:
+    """Makes the actor stand still, or lets it learn."""
+    policy: Any = model.policy
+    if isinstance(model, OnPolicyAlgorithm):
+        policy.mlp_extractor.policy_net.requires_grad_(not held)
+        policy.action_net.requires_grad_(not held)
+        policy.log_std.requires_grad_(not held)
+        if isinstance(model, RecurrentPPO):
+            policy.lstm_actor.requires_grad_(not held)
+    else:
+        policy.actor.requires_grad_(not held)
+
+
+def set_exploration(model: BaseAlgorithm, log_std: float) -> None:
+    """Makes that the logarithm of SAC's or TQC's initial standard deviation, whatever it sees."""
+    layer: Any = model.policy.get_submodule("actor.log_std")
     with torch.no_grad():
         layer.weight.zero_()
         layer.bias.fill_(log_std)
@@ -176,7 +290,9 @@ def set_exploration(model: SAC, log_std: float) -> None:
 
 _PARTS: dict[type[BaseAlgorithm], tuple[str, str, str]] = {
     PPO: ("mlp_extractor.policy_net", "action_net", "clip"),
+    RecurrentPPO: ("mlp_extractor.policy_net", "action_net", "clip"),
     SAC: ("actor.latent_pi.layers", "actor.mu", "tanh"),
+    TQC: ("actor.latent_pi.layers", "actor.mu", "tanh"),
     TD3: ("actor.mu.0.layers", "actor.mu.1", "tanh"),
 }
 """Of each algorithm: its actor's hidden layers and output layer, and how the output becomes an action."""
@@ -194,11 +310,21 @@ def exported(model: BaseAlgorithm, card: Mapping[str, Any]) -> TrainedPolicy:
     hidden: Any = policy.get_submodule(layers_name)
     layers = [layer for layer in hidden if isinstance(layer, nn.Linear)]
     activations = {name for layer in hidden for name, kind in ACTIVATIONS.items() if isinstance(layer, kind)}
-    features = policy.features_extractor if type(model) is PPO else policy.actor.features_extractor
+    actor = getattr(policy, "actor", None)
+    features = policy.features_extractor if actor is None else actor.features_extractor
     last = policy.get_submodule(output_name)
+    tensors: dict[str, torch.Tensor] = {}
+    n, memory = layers[0].in_features, 0
+    if isinstance(policy, RecurrentActorCriticPolicy):
+        lstm: Any = policy.lstm_actor
+        n, memory = lstm.input_size, lstm.hidden_size
+        tensors |= {
+            "memory.weight": lstm.weight_ih_l0,
+            "memory.recurrent_weight": lstm.weight_hh_l0,
+            "memory.bias": lstm.bias_ih_l0 + lstm.bias_hh_l0,
+        }
     # What only the critic sees stands last.
-    n = layers[0].in_features
-    tensors = {
+    tensors |= {
         "features.weight": features.transform[:n, :n],
         "output.weight": last.weight,
         "output.bias": last.bias,
@@ -211,6 +337,7 @@ def exported(model: BaseAlgorithm, card: Mapping[str, Any]) -> TrainedPolicy:
         hidden=tuple(layer.out_features for layer in layers),
         activation=activations.pop(),
         output=output,
+        memory=memory,
     )
     weights = {name: tensor.detach().cpu().numpy().copy() for name, tensor in tensors.items()}
     return TrainedPolicy(architecture, weights, card)

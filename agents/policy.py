@@ -55,7 +55,10 @@ class Architecture:
     """Layers of a saved policy.
 
     Features are a matrix times the observation, cut off at a bound; hidden layers follow; the linear layer
-    at the end sees the last hidden layer and the features beside it.
+    at the end sees the last hidden layer and the features beside it. With a memory, the output of an LSTM
+    that the features go through stands before the features, wherever they are seen.
+
+    Source: Hochreiter and Schmidhuber (1997), the LSTM, with the forget gate of Gers et al. (2000).
     """
 
     n_observations: int
@@ -68,10 +71,14 @@ class Architecture:
     """One of `ACTIVATIONS`."""
     output: str
     """One of `OUTPUTS`."""
+    memory: int = 0
+    """Width of the LSTM [-]; 0: the policy remembers nothing."""
 
     def __post_init__(self) -> None:
         if not self.hidden or not self.feature_bound > 0.0:
             raise ValueError("Architecture wants at least one hidden layer and a positive feature_bound")
+        if not isinstance(self.memory, int) or self.memory < 0:
+            raise ValueError(f"Architecture.memory must be a whole number from 0, got {self.memory!r}")
         for name, known in (("activation", ACTIVATIONS), ("output", OUTPUTS)):
             if getattr(self, name) not in known:
                 raise ValueError(
@@ -81,17 +88,24 @@ class Architecture:
     @property
     def shapes(self) -> dict[str, tuple[int, ...]]:
         """The weights by name, with their shapes."""
-        n = width = self.n_observations
+        n, size = self.n_observations, self.memory
         shapes: dict[str, tuple[int, ...]] = {"features.weight": (n, n)}
+        if size:
+            shapes["memory.weight"], shapes["memory.recurrent_weight"] = (4 * size, n), (4 * size, size)
+            shapes["memory.bias"] = (4 * size,)
+        seen = width = size + n
         for i, size in enumerate(self.hidden):
             shapes[f"hidden.{i}.weight"], shapes[f"hidden.{i}.bias"] = (size, width), (size,)
             width = size
-        shapes["output.weight"], shapes["output.bias"] = (1, width + n), (1,)
+        shapes["output.weight"], shapes["output.bias"] = (1, width + seen), (1,)
         return shapes
 
 
 class TrainedPolicy:
-    """A trained agent as a `Controller`: deterministic, in float32; its memory is its guide's, if any."""
+    """A trained agent as a `Controller`: deterministic, in float32.
+
+    Its memory is its guide's, if it has one, and behind that its LSTM's output and cell, if it has one.
+    """
 
     def __init__(
         self, architecture: Architecture, weights: Mapping[str, np.ndarray], card: Mapping[str, Any]
@@ -147,7 +161,7 @@ class TrainedPolicy:
 
         Args:
             observation: (n_envs, n_observations), or (n_observations,) of a single environment.
-            state: The guide's memory as last returned, (n_envs, n_memory); None begins afresh.
+            state: The memory as last returned, (n_envs, n_memory); None begins afresh.
             episode_start: Rows that begin afresh, (n_envs,).
             deterministic: Without effect.
 
@@ -162,30 +176,64 @@ class TrainedPolicy:
                 f"build the environment with information_set={self.information_set!r}"
             )
         x = x * self._gain + self._shift
-        if self.guide is None:
+        if not self.n_memory:
             return np.clip(self.act(x) * self._action_gain, -1.0, 1.0).astype(np.float32), None
         rows = np.atleast_2d(x)
-        memory = np.zeros((len(rows), self.guide.n_memory)) if state is None else np.asarray(state)
+        memory = np.zeros((len(rows), self.n_memory)) if state is None else np.asarray(state)
         if episode_start is not None:
             memory = np.where(np.asarray(episode_start, dtype=bool).reshape(-1, 1), 0.0, memory)
-        look = self.guide.look(rows, memory)
-        command = self.guide.command(look, self.act(np.hstack([rows, look.features])))
-        action = command / self.guide.controller.command_range * float(self._action_gain)
-        action = np.clip(action, -1.0, 1.0).astype(np.float32)
-        return (action[0] if x.ndim == 1 else action), self.guide.advance(memory, look, command)
+        if self.guide is None:
+            share, memory = self.respond(rows, memory)
+        else:
+            told, own = np.split(memory, [self.guide.n_memory], axis=1)
+            look = self.guide.look(rows, told)
+            given, own = self.respond(np.hstack([rows, look.features]), own)
+            command = self.guide.command(look, given)
+            share = command / self.guide.controller.command_range
+            memory = np.hstack([self.guide.advance(told, look, command), own])
+        action = np.clip(share * float(self._action_gain), -1.0, 1.0).astype(np.float32)
+        return (action[0] if x.ndim == 1 else action), memory
+
+    @property
+    def n_memory(self) -> int:
+        """Numbers that it remembers of each row [-]."""
+        return 2 * self.architecture.memory + (0 if self.guide is None else self.guide.n_memory)
 
     def act(self, seen: np.ndarray) -> np.ndarray:
-        """The network's own action in [-1, 1], (..., 1): what it was trained to give for what it saw."""
+        """The network's own action in [-1, 1], (..., 1): what it was trained to give for what it saw.
+
+        An LSTM is afresh.
+        """
+        return self.respond(seen, np.zeros((*seen.shape[:-1], 2 * self.architecture.memory)))[0]
+
+    def respond(self, seen: np.ndarray, memory: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """The network's own action in [-1, 1], (..., 1), and the LSTM's next memory.
+
+        Args:
+            seen: What it was trained to see, (..., n).
+            memory: The LSTM's output and cell as last returned, (..., 2 * width); zeros to begin with.
+        """
+        weights, size = self.weights, self.architecture.memory
         activation = ACTIVATIONS[self.architecture.activation]
         bound = np.float32(self.architecture.feature_bound)
-        features = latent = np.clip(seen @ self.weights["features.weight"].T, -bound, bound)
-        for i in range(len(self.architecture.hidden)):
-            latent = activation(
-                latent @ self.weights[f"hidden.{i}.weight"].T + self.weights[f"hidden.{i}.bias"]
+        features = np.clip(seen @ weights["features.weight"].T, -bound, bound)
+        if size:
+            last = np.asarray(memory, dtype=np.float32)
+            gates = (
+                features @ weights["memory.weight"].T
+                + last[..., :size] @ weights["memory.recurrent_weight"].T
             )
+            entry, keep, fresh, out = np.split(gates + weights["memory.bias"], 4, axis=-1)
+            cell = _sigmoid(keep) * last[..., size:] + _sigmoid(entry) * np.tanh(fresh)
+            output = _sigmoid(out) * np.tanh(cell)
+            memory = np.concatenate([output, cell], axis=-1)
+            features = np.concatenate([output, features], axis=-1)
+        latent = features
+        for i in range(len(self.architecture.hidden)):
+            latent = activation(latent @ weights[f"hidden.{i}.weight"].T + weights[f"hidden.{i}.bias"])
         latent = np.concatenate([latent, features], axis=-1)
-        mean = latent @ self.weights["output.weight"].T + self.weights["output.bias"]
-        return np.asarray(OUTPUTS[self.architecture.output](mean))
+        mean = latent @ weights["output.weight"].T + weights["output.bias"]
+        return np.asarray(OUTPUTS[self.architecture.output](mean)), memory
 
     def acting_in(self, scenario: Scenario) -> TrainedPolicy:
         """The policy reading another scenario's observations and commanding its winch, in SI the same.
@@ -217,6 +265,11 @@ class TrainedPolicy:
         return adapted
 
 
+def _sigmoid(x: np.ndarray) -> np.ndarray:
+    """1 / (1 + exp(-x)), without overflow."""
+    return np.float32(0.5) * (np.tanh(np.float32(0.5) * x) + np.float32(1.0))
+
+
 def save_policy(path: Path, policy: TrainedPolicy) -> None:
     """Writes a policy's JSON to `path` and its weights beside it, each whole or not at all.
 
@@ -225,10 +278,13 @@ def save_policy(path: Path, policy: TrainedPolicy) -> None:
         policy: What to write.
     """
     weights_file = path.with_suffix(".safetensors")
+    layers = dataclasses.asdict(policy.architecture)
+    if not layers["memory"]:  # the file of a policy that remembers nothing stays as it was
+        del layers["memory"]
     content = {
         "format": POLICY_FORMAT,
         **policy.card,
-        "architecture": dataclasses.asdict(policy.architecture),
+        "architecture": layers,
         "weights": weights_file.name,
     }
     content = json.loads(canonical(content))

@@ -18,7 +18,7 @@ from heave_env.parameters import name_hint, require, require_integer, require_nu
 from heave_env.scenarios import Scenario
 from heave_env.sensors import INFORMATION_SETS
 
-ALGORITHMS = ("ppo", "sac", "td3")
+ALGORITHMS = ("ppo", "recurrent_ppo", "sac", "td3", "tqc")
 """Algorithms that have presets."""
 KINDS = ("residual", "estimate")
 """Kinds of agent beside that from sensors; their presets, as `ppo_residual.yaml`, go on the algorithm's."""
@@ -139,6 +139,12 @@ class Preset:
             self,
             "privileged_critic",
             "false for every algorithm but ppo",
+        )
+        require(
+            self.algorithm != "recurrent_ppo" or self.teacher is None,
+            self,
+            "teacher",
+            "null for recurrent_ppo, whose memory no sample of an imitation tells",
         )
         require_number(self, "gamma", positive=True)
         require(self.gamma < 1.0 or math.isclose(self.gamma, 1.0), self, "gamma", "at most 1")

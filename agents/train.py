@@ -29,11 +29,13 @@ from typing import Any
 import numpy as np
 import torch
 from gymnasium.vector import AutoresetMode
+from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
 from stable_baselines3.common.noise import NormalActionNoise
+from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
 from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
@@ -92,7 +94,7 @@ def train(
 
     Args:
         scenario: Name, YAML file or scenario.
-        algorithm: `ppo`, `sac` or `td3`.
+        algorithm: `ppo`, `recurrent_ppo`, `sac`, `td3` or `tqc`.
         seed: Of the weights, the exploration and the training seas.
         total_steps: Environment steps; the preset's if not given.
         out: Run folder; `runs/SCENARIO-ALGORITHM-SEED` if not given.
@@ -353,15 +355,59 @@ def _reference(scenario: Scenario, reference: str | None) -> Controller | None:
 # The algorithm -----------------------------------------------------------------------------------
 
 
-_ALGORITHMS: dict[str, type[BaseAlgorithm]] = {"ppo": PPO, "sac": SAC, "td3": TD3}
-_OWN_OPTIONS = {"ppo": {"n_minibatches", "log_std_init"}, "sac": {"log_std_init"}, "td3": set[str]()}
+@dataclass(frozen=True, kw_only=True)
+class _Algorithm:
+    """How an algorithm is built from a preset."""
+
+    model: type[BaseAlgorithm]
+    policy: type[Any]
+    critic: str
+    """What Stable-Baselines3 calls its critic's layers."""
+    own: frozenset[str]
+    """Options that are ours, or the policy's, not the algorithm's own arguments."""
+    policy_options: frozenset[str] = frozenset()
+    """Options that are handed to the policy."""
+
+
+_SQUASHED = frozenset({"log_std_init"})
+_CRITICS = frozenset({"n_critics", "quadratic_rank"})
+_ALGORITHMS = {
+    "ppo": _Algorithm(
+        model=PPO,
+        policy=networks.SkipActorCriticPolicy,
+        critic="vf",
+        own=frozenset({"n_minibatches"}),
+        policy_options=frozenset({"log_std_init"}),
+    ),
+    "recurrent_ppo": _Algorithm(
+        model=RecurrentPPO,
+        policy=networks.RecurrentSkipPolicy,
+        critic="vf",
+        own=frozenset({"n_minibatches"}),
+        policy_options=frozenset({"log_std_init", "lstm_hidden_size", "shared_lstm", "enable_critic_lstm"}),
+    ),
+    "sac": _Algorithm(
+        model=SAC, policy=networks.SkipSacPolicy, critic="qf", own=_SQUASHED, policy_options=_CRITICS
+    ),
+    "td3": _Algorithm(
+        model=TD3, policy=networks.SkipTd3Policy, critic="qf", own=frozenset(), policy_options=_CRITICS
+    ),
+    "tqc": _Algorithm(
+        model=TQC,
+        policy=networks.SkipTqcPolicy,
+        critic="qf",
+        own=_SQUASHED,
+        policy_options=_CRITICS | {"n_quantiles"},
+    ),
+}
 _NO_OPTIONS = {"self", "policy", "env", "learning_rate", "gamma", "seed", "device", "policy_kwargs"}
 
 
 def option_names(algorithm: str) -> set[str]:
     """What a preset's `options` may hold: the algorithm's own arguments, but those that keys stand for."""
-    taken = set(inspect.signature(_ALGORITHMS[algorithm].__init__).parameters) | _OWN_OPTIONS[algorithm]
-    return taken - _NO_OPTIONS - ({"batch_size"} if algorithm == "ppo" else set())
+    built = _ALGORITHMS[algorithm]
+    taken = set(inspect.signature(built.model.__init__).parameters) | built.own | built.policy_options
+    return taken - _NO_OPTIONS - ({"batch_size"} if "n_minibatches" in built.own else set())
 
 
 def build_model(settings: Preset, env: ScaledReward, ground: Groundwork, seed: int) -> BaseAlgorithm:
@@ -375,16 +421,14 @@ def build_model(settings: Preset, env: ScaledReward, ground: Groundwork, seed: i
     def learning_rate(remaining: float) -> float:
         return end + (begin - end) * max(remaining, 0.0)
 
-    options = dict(settings.options)
+    built, options = _ALGORITHMS[settings.algorithm], dict(settings.options)
     policy: dict[str, Any] = {
-        "net_arch": {
-            "pi": list(settings.hidden),
-            "vf" if settings.algorithm == "ppo" else "qf": list(settings.critic_hidden),
-        },
+        "net_arch": {"pi": list(settings.hidden), built.critic: list(settings.critic_hidden)},
         "activation_fn": networks.ACTIVATIONS[settings.activation],
         "features_extractor_class": networks.WhitenedFeatures,
         "features_extractor_kwargs": {"transform": ground.transform, "bound": settings.feature_bound},
     }
+    policy |= {name: options.pop(name) for name in sorted(built.policy_options & set(options))}
     common: dict[str, Any] = {
         "learning_rate": learning_rate,
         "gamma": settings.gamma,
@@ -395,19 +439,17 @@ def build_model(settings: Preset, env: ScaledReward, ground: Groundwork, seed: i
     try:
         if settings.algorithm == "ppo":
             policy["n_actor"] = ground.n_actor
+        if "n_minibatches" in built.own:
             minibatches = int(options.pop("n_minibatches"))
-            if "log_std_init" in options:
-                policy["log_std_init"] = float(options.pop("log_std_init"))
             options["batch_size"] = max(2, settings.n_envs * int(options["n_steps"]) // minibatches)
-            model: BaseAlgorithm = PPO(networks.SkipActorCriticPolicy, env, **common, **options)
-        elif settings.algorithm == "sac":
-            log_std = float(options.pop("log_std_init"))
-            model = SAC(networks.SkipSacPolicy, env, **common, **options)
-            networks.set_exploration(model, log_std)
-        else:
+        log_std = float(options.pop("log_std_init")) if "log_std_init" in built.own else None
+        if "action_noise" in options:
             noise = float(options.pop("action_noise"))
             options["action_noise"] = NormalActionNoise(np.zeros(1), np.full(1, noise))
-            model = TD3(networks.SkipTd3Policy, env, **common, **options)
+        build: Any = built.model
+        model: BaseAlgorithm = build(built.policy, env, **common, **options)
+        if log_std is not None:
+            networks.set_exploration(model, log_std)
     except (TypeError, KeyError) as error:
         raise ValueError(f"the preset's options do not fit {settings.algorithm}: {error}") from error
     networks.set_linear_policy(model, ground.gain)
@@ -605,8 +647,10 @@ class _Supervisor(BaseCallback):
         assert isinstance(observation, np.ndarray)
         policy = self._policy(0)
         n = policy.architecture.n_observations
+        memory = np.zeros((len(observation), 2 * policy.architecture.memory))
         for _ in range(self.env.burn_in):
-            observation = np.asarray(self.env.step(policy.act(observation[:, :n]))[0])
+            action, memory = policy.respond(observation[:, :n], memory)
+            observation = np.asarray(self.env.step(action)[0])
         self.model._last_obs = observation
 
     def _due(self, what: str, step: int, every: int) -> bool:
@@ -697,6 +741,9 @@ class _Supervisor(BaseCallback):
             self.model._last_obs = self.env.venv.reset_rows(mask)  # type: ignore[attr-defined]
             self.model._last_episode_starts = np.asarray(self.model._last_episode_starts) | mask
             self.env.forget(mask)
+            if isinstance(self.model, OffPolicyAlgorithm):  # no return of several steps goes on from there
+                buffer: Any = self.model.replay_buffer
+                buffer.dones[buffer.pos - 1, mask] = buffer.timeouts[buffer.pos - 1, mask] = 1.0
 
     def finish(self) -> None:
         """The last evaluation, and the run's end."""

@@ -26,7 +26,7 @@ BAD_INPUT = 2
 INTERRUPTED = 130
 """Exit code of an interruption by the keyboard, 128 + SIGINT."""
 
-ALGORITHMS = ("ppo", "sac", "td3")
+ALGORITHMS = ("ppo", "recurrent_ppo", "sac", "td3", "tqc")
 
 
 class Parser(argparse.ArgumentParser):
@@ -57,7 +57,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         print(f"heave: this needs the package {error.name!r}; install it with pip", file=sys.stderr)
         return BAD_INPUT
     except KeyboardInterrupt:
-        resumable = (_train, _sweep, _demo, _compare, _league, _validate, _reproduce, _operability)
+        resumable = (_train, _sweep, _demo, _compare, _league, _validate, _reproduce, _operability, _zoo)
         resumes = options.run in resumable
         hint = "the same command goes on from there" if resumes else "nothing half-written was left behind"
         print(f"heave: interrupted; {hint}", file=sys.stderr)
@@ -139,7 +139,9 @@ def parser() -> Parser:
     _add_scenario(simulate)
     _add_set(simulate)
     simulate.add_argument("--motion", metavar="FILE.csv", help="boom-tip motion that replaces sea and vessel")
-    simulate.add_argument("--controller", default="none", metavar="NAME", help="a design or agent:RUN (none)")
+    simulate.add_argument(
+        "--controller", default="none", metavar="NAME", help="a design, agent:RUN or zoo:NAME (none)"
+    )
     simulate.add_argument(
         "--seed",
         type=_seed,
@@ -162,7 +164,7 @@ def parser() -> Parser:
     train.add_argument("--algorithm", choices=ALGORITHMS, default="ppo", help="learning algorithm (ppo)")
     train.add_argument(
         "--preset",
-        metavar="KIND|FILE",
+        metavar="KIND|FILE|zoo:NAME",
         help="residual or estimate, beside a designed controller, or a YAML file of settings (from sensors)",
     )
     train.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the training (0)")
@@ -204,7 +206,7 @@ def parser() -> Parser:
         "--controllers",
         default="none,lqr,delay_lqr,lqg",
         metavar="A,B,...",
-        help="designs, agent:RUN and file:PATH.py, separated by commas (none,lqr,delay_lqr,lqg)",
+        help="designs, agent:RUN, zoo:NAME and file:PATH.py, separated by commas (none,lqr,delay_lqr,lqg)",
     )
     compare.add_argument(
         "--seeds", type=int, default=16, metavar="N", help="compare in the first N test seas (16)"
@@ -239,7 +241,10 @@ def parser() -> Parser:
         "--controllers",
         default="all",
         metavar="A,B,...",
-        help="designs (all: every one), agent:RUN, file:PATH.py, NAME=agent:RUN1+agent:RUN2 (all)",
+        help="designs (all: every one), agent:RUN, zoo:NAME, file:PATH.py, NAME=agent:RUN1+agent:RUN2 (all)",
+    )
+    table.add_argument(
+        "--zoo", action="store_true", help="also the agents of the zoo, each in its scenario and its variants"
     )
     table.add_argument(
         "--variants", default="all", metavar="A,B,...", help="variants of each scenario; nominal: none (all)"
@@ -264,6 +269,63 @@ def parser() -> Parser:
         "--out", required=True, metavar="DIR", help="folder for the results; it resumes what it holds"
     )
 
+    evaluated = verb(
+        "evaluate",
+        _evaluate,
+        "run one agent in unseen seas of its scenario and print what it does, each training by itself",
+        "heave evaluate zoo:limits_linear-residual --seeds 64",
+        "heave evaluate runs/mine --scenario sea_state_5@rougher",
+    )
+    evaluated.add_argument(
+        "agent", metavar="AGENT", help="zoo:NAME, zoo:NAME/SEED, a run folder, file:PATH.py or a design"
+    )
+    evaluated.add_argument(
+        "--scenario", metavar="SCENARIO", help="name or YAML file (the one that the agent was trained in)"
+    )
+    _add_set(evaluated)
+    evaluated.add_argument("--seeds", type=int, default=64, metavar="N", help="the first N test seas (64)")
+    evaluated.add_argument("--duration", type=_seconds, metavar="S", help="length of an episode [s] (400)")
+    evaluated.add_argument("--warm-up", type=float, metavar="S", help="time left out at its start [s] (100)")
+    evaluated.add_argument(
+        "--dtype", choices=("float64", "float32"), default="float64", help="plant precision"
+    )
+    _add_other(evaluated)
+
+    shipped = verb(
+        "zoo",
+        _zoo,
+        "list the trained agents that are shipped, show one's card, add finished trainings, or measure anew",
+        "heave zoo list",
+        "heave zoo show limits_linear-residual",
+        "heave zoo add runs/residual_0 runs/residual_1 --name limits_linear-residual",
+        "heave zoo measure limits_linear-residual",
+    )
+    shipped.add_argument("action", choices=("list", "show", "add", "measure"), help="what to do")
+    shipped.add_argument(
+        "names", nargs="*", metavar="NAME|RUN", help="run folders for add; agents for show and measure (all)"
+    )
+    shipped.add_argument("--name", metavar="NAME", help="of add: the agent's name (SCENARIO-KIND)")
+    shipped.add_argument(
+        "--seas",
+        type=int,
+        default=None,
+        metavar="N",
+        help="of add and measure: the first N validation seas (64)",
+    )
+    shipped.add_argument(
+        "--duration", type=_seconds, metavar="S", help="likewise: length of an episode [s] (400)"
+    )
+    shipped.add_argument(
+        "--rivals",
+        metavar="A,B,...",
+        help="likewise: designs to be held against (lqg, mpc and others that fit)",
+    )
+    shipped.add_argument(
+        "--unmeasured",
+        action="store_true",
+        help="of add: only take the files; heave zoo measure does the rest",
+    )
+
     report = verb(
         "report",
         _report,
@@ -284,7 +346,7 @@ def parser() -> Parser:
         "--controllers",
         default="none,lqg",
         metavar="A,B,...",
-        help="designs and agent:RUN, separated by commas (none,lqg)",
+        help="designs, agent:RUN and zoo:NAME, separated by commas (none,lqg)",
     )
     operable.add_argument(
         "--scatter",
@@ -804,6 +866,10 @@ def _train(options: argparse.Namespace) -> None:
     from agents.train import train
 
     scenario = scenario_of(options.scenario, options.settings)
+    if options.preset is not None and options.preset.startswith("zoo:"):
+        from agents.zoo import preset_of
+
+        options.preset = preset_of(options.preset)
     run = train(
         scenario,
         algorithm=options.algorithm,
@@ -897,6 +963,7 @@ def _league(options: argparse.Namespace) -> None:
             warm_up=options.warm_up,
             dtype=options.dtype,
             reference=options.reference,
+            zoo=options.zoo,
             allow_other_scenario=options.allow_other_scenario,
             clairvoyant=options.clairvoyant,
             oracle=options.oracle,
@@ -906,6 +973,114 @@ def _league(options: argparse.Namespace) -> None:
     for line in league.printed(runs.read_json(out / league_page.SUMMARY_FILE)):
         print(line)
     print(f"leaderboard: {out / league_page.PAGE_FILE}")
+
+
+def _evaluate(options: argparse.Namespace) -> None:
+    from experiments.evaluate import SHOWN, evaluate
+    from experiments.metrics import METRICS
+    from experiments.report import significant
+
+    if options.settings and options.scenario is None:
+        raise ValueError("--set wants the scenario that it changes; name it with --scenario")
+    scenario = None if options.scenario is None else scenario_of(options.scenario, options.settings)
+    with Bars() as advance:
+        found = evaluate(
+            options.agent,
+            scenario=scenario,
+            n_seeds=options.seeds,
+            duration=options.duration,
+            warm_up=options.warm_up,
+            dtype=options.dtype,
+            allow_other_scenario=options.allow_other_scenario,
+            progress=advance,
+        )
+    part, result = found.cell.contest.part, next(iter(found.cell.results.values()))
+    table = _table("quantity", "unit", "mean", "95 % interval", "median", "95 %", "maximum", wide="")
+    whole = found.quantities()
+    for name in (name for name in SHOWN if name in whole):
+        item = whole[name]
+        interval = "" if item.low is None else f"{significant(item.low)} to {significant(item.high)}"
+        spread = [significant(whole[f"{name}_{key}"].value) for key in ("median", "p95", "maximum")]
+        table.add_row(name, METRICS[name].unit, significant(item.value), interval, *spread)
+    _print(table)
+    trainings = found.trainings if len(found.trainings) > 1 else ()
+    if trainings:
+        each = _table(
+            "training", "J", "J, maximum", "payload std [mm]", "control energy [m²]", "failed", wide=""
+        )
+        for i, label in enumerate(trainings):
+            row = found.quantities(i)
+            each.add_row(
+                label,
+                significant(row["cost"].value, 4),
+                significant(row["cost_maximum"].value),
+                significant(1e3 * row["payload_heave_std"].value),
+                significant(row["control_energy"].value),
+                str(row["diverged"].value + row["lost"].value),
+            )
+        _print(each)
+    ends = [f"{whole[end].value} {end}" for end in ("diverged", "lost", "landed") if whole[end].value]
+    optimum = whole.get("cost_ratio_to_optimum")
+    facts = [
+        f"{len(found.seeds)} unseen seas of {found.cell.contest.scenario.name}",
+        f"{part.scored:g} s after {part.warm_up:g} s",
+        f"sees {result.information_set.replace('_', ' ')}",
+        f"{1e6 * result.decision_time:.3g} µs per decision and sea",
+        *([] if optimum is None else [f"J / optimum {optimum.value:.4g}"]),
+        "no sea diverged or was lost" if not ends else "of all trainings' seas " + ", ".join(ends),
+    ]
+    print(f"{found.spec}: {'; '.join(facts)}")
+
+
+def _zoo(options: argparse.Namespace) -> None:
+    from agents import zoo
+    from experiments import zoo as results
+
+    given = {"--name": options.name, "--seas": options.seas, "--duration": options.duration}
+    given |= {"--rivals": options.rivals, "--unmeasured": options.unmeasured or None}
+    fits = {"add": set(given), "measure": {"--seas", "--duration", "--rivals"}}.get(options.action, set())
+    for option, value in given.items():
+        if value is not None and option not in fits:
+            raise ValueError(f"zoo {options.action} takes no {option}")
+    if options.action == "list":
+        if options.names:
+            raise ValueError("zoo list takes no name; heave zoo show does")
+        table = _table("name", "scenario", "kind", "guide", "sees", "seeds", "J", "size [kB]", wide="J")
+        agents = [zoo.read(name) for name in zoo.names()]
+        for agent in agents:
+            card = agent.card
+            facts = (card["scenario_name"], f"{card['algorithm']} {card['agent']}", card["guide"] or "")
+            size = f"{agent.size / 1e3:.0f}"
+            sees = card["information_set"].replace("_", " ")
+            table.add_row(agent.name, *facts, sees, str(len(agent.seeds)), results.ratios_text(agent), size)
+        _print(table)
+        whole = sum(agent.size for agent in agents)
+        print(
+            f"{len(agents)} agents, {whole / 1e6:.2f} of {zoo.LARGEST / 1e6:g} MB; J: mean over all "
+            "trainings, the worst training in brackets, in validation seas"
+        )
+        return
+    if options.action == "show":
+        if len(options.names) != 1:
+            raise ValueError("zoo show wants the name of one agent; list them with heave zoo list")
+        for line in results.card_lines(zoo.read(options.names[0].removeprefix(zoo.PREFIX))):
+            print(line)
+        return
+    if options.action == "add":
+        agents = [zoo.add(options.names, options.name)]
+        print(f"{agents[0].name}: {len(agents[0].seeds)} seeds in {agents[0].folder}")
+    else:
+        agents = [zoo.read(name.removeprefix(zoo.PREFIX)) for name in options.names or zoo.names()]
+    with Bars() as advance:
+        for agent in agents if not options.unmeasured else ():
+            agent = results.measure(
+                agent,
+                n_seas=results.N_SEAS if options.seas is None else options.seas,
+                duration=options.duration,
+                rivals=None if options.rivals is None else options.rivals.split(","),
+                progress=advance,
+            )
+            print(f"{agent.name}: J {results.ratios_text(agent)}")
 
 
 def _print_tables(out: Path) -> None:

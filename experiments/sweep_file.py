@@ -30,7 +30,7 @@ class Entry:
     scenarios: tuple[str, ...]
     """Names or YAML files."""
     algorithms: tuple[str, ...] = ("ppo",)
-    """Some of `ppo`, `sac` and `td3`."""
+    """Some of `agents.presets.ALGORITHMS`."""
     kinds: tuple[str, ...] = (SENSORS,)
     """Presets: `sensors`, `residual`, `estimate`."""
     seeds: tuple[int, ...] = (0,)
@@ -91,7 +91,7 @@ class Search:
     scenario: str
     """Name or YAML file."""
     algorithm: str = "ppo"
-    """`ppo`, `sac` or `td3`."""
+    """One of `agents.presets.ALGORITHMS`."""
     kind: str = SENSORS
     """Preset: `sensors`, `residual` or `estimate`."""
     seeds: tuple[int, ...] = (0,)

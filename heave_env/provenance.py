@@ -21,6 +21,7 @@ PACKAGES = (
     "gymnasium",
     "control",
     "stable-baselines3",
+    "sb3-contrib",
     "torch",
     "warp-lang",
     "matplotlib",

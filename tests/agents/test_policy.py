@@ -164,6 +164,42 @@ def test_in_another_scenario_a_policy_reads_and_commands_the_same_si_values(save
     assert 3.0 * adapted.predict(there)[0] == pytest.approx(command, abs=1e-4)
 
 
+def with_memory(scenario=SCENARIO, **facts) -> TrainedPolicy:
+    n = len(scenario.observation_names)
+    architecture = Architecture(
+        n_observations=n, feature_bound=5.0, hidden=(8,), activation="tanh", output="clip", memory=5
+    )
+    rng = np.random.default_rng(0)
+    weights = {
+        name: rng.normal(0.0, 0.3, shape).astype(np.float32) for name, shape in architecture.shapes.items()
+    }
+    return TrainedPolicy(architecture, weights, policy_card(scenario, algorithm="recurrent_ppo", **facts))
+
+
+def test_a_policy_with_a_memory_hands_it_out_and_takes_it_back(tmp_path):
+    save_policy(tmp_path / "policy.json", with_memory())
+    policy = load_policy(tmp_path, SCENARIO)
+    first, later = observations(6), observations(12)[6:]
+    _, memory = policy.predict(first)
+    assert memory.shape == (6, policy.n_memory) and policy.n_memory == 10
+    action, _ = policy.predict(later, memory)
+    assert np.abs(action - policy.predict(later)[0]).max() > 1e-3
+    # One environment is a batch of one; rows that begin afresh have forgotten.
+    single, own = policy.predict(first[2])
+    assert single.shape == (1,) and own.shape == (1, 10)
+    np.testing.assert_allclose(policy.predict(later[2], own)[0], action[2], atol=1e-6)
+    start = np.array([True, False, False, True, False, False])
+    mixed, _ = policy.predict(later, memory, start)
+    np.testing.assert_allclose(mixed[start], policy.predict(later)[0][start], atol=1e-6)
+    np.testing.assert_array_equal(mixed[~start], action[~start])
+
+
+def test_the_file_of_a_policy_without_a_memory_does_not_speak_of_one(saved):
+    assert "memory" not in json.loads((saved / "policy.json").read_text())["architecture"]
+    with pytest.raises(ValueError, match="memory must be a whole number"):
+        dataclasses.replace(small_policy().architecture, memory=-1)
+
+
 def test_the_wrong_number_of_observations_is_explained(saved):
     with pytest.raises(ValueError, match="information_set='sensors'"):
         load_policy(saved).predict(np.zeros((3, N + 1)))

@@ -23,7 +23,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents import checkpoint, networks
-from agents.policy import load_policy, policy_card
+from agents.policy import load_policy, policy_card, save_policy
 from agents.presets import load_preset
 from agents.train import Groundwork, TrainingFailure, build_model, groundwork, train, validation
 from agents.vec_env import HeaveVecEnv, ScaledReward
@@ -49,13 +49,14 @@ QUICK = {
     "log_every": 256,
 }
 PPO = {**QUICK, "total_steps": 1536, "learning_rate": 1e-3, "options": {"n_steps": 32, "n_minibatches": 2}}
+RECURRENT = {**PPO, "options": {**PPO["options"], "lstm_hidden_size": 4}}
 OFF = {
     **QUICK,
     "total_steps": 768,
     "critic_first": 256,
     "options": {"batch_size": 16, "train_freq": 8, "gradient_steps": 2},
 }
-SMALL = {"ppo": PPO, "sac": OFF, "td3": OFF}
+SMALL = {"ppo": PPO, "recurrent_ppo": RECURRENT, "sac": OFF, "td3": OFF, "tqc": OFF}
 
 
 def trained(folder: Path, algorithm: str = "ppo", **changes) -> Path:
@@ -70,7 +71,7 @@ def rows(path: Path) -> list[dict[str, str]]:
         return list(csv.DictReader(file))
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3"])
+@pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3", "tqc", "recurrent_ppo"])
 def test_every_algorithm_trains_into_a_complete_folder(tmp_path, algorithm):
     folder = trained(tmp_path / "run", algorithm)
     run = json.loads((folder / "run.json").read_text())
@@ -94,7 +95,7 @@ def test_every_algorithm_trains_into_a_complete_folder(tmp_path, algorithm):
     load_policy(folder / "checkpoints" / "policy-final.json", SCENARIO)
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3"])
+@pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3", "tqc", "recurrent_ppo"])
 def test_plain_numpy_acts_as_stable_baselines_does(algorithm):
     settings = load_preset(algorithm, SCENARIO, {"n_envs": 2})
     env = ScaledReward(HeaveVecEnv(SCENARIO, 2, info=False), gamma=0.98)
@@ -108,6 +109,33 @@ def test_plain_numpy_acts_as_stable_baselines_does(algorithm):
     action, _ = policy.predict(observations)
     assert np.abs(action - expected).max() < 1e-5
     assert 0.1 < np.abs(action).mean() < 1.0
+
+
+def test_plain_numpy_remembers_as_stable_baselines_does(tmp_path):
+    settings = load_preset("recurrent_ppo", SCENARIO, {"n_envs": 2, "options": {"lstm_hidden_size": 12}})
+    env = ScaledReward(HeaveVecEnv(SCENARIO, 2, info=False), gamma=0.98)
+    n = len(SCENARIO.observation_names)
+    rng = np.random.default_rng(0)
+    ground = Groundwork(rng.normal(0.0, 1.0, (n, n)), rng.normal(0.0, 0.1, n))
+    model = build_model(settings, env, ground, seed=3)
+    with torch.no_grad():
+        model.policy.get_submodule("action_net").weight.normal_(0.0, 0.2)
+    save_policy(
+        tmp_path / "policy.json",
+        networks.exported(model, policy_card(SCENARIO, algorithm="recurrent_ppo")),
+    )
+    policy = load_policy(tmp_path, SCENARIO)
+    assert policy.n_memory == 24
+    theirs, ours = None, None
+    alone = []
+    for step in range(60):
+        observation = rng.normal(0.0, 3.0, (7, n)).astype(np.float32)
+        start = rng.random(7) < 0.1 if step else np.ones(7, dtype=bool)
+        expected, theirs = model.predict(observation, theirs, start, deterministic=True)
+        action, ours = policy.predict(observation, ours, start)
+        assert np.abs(action - expected).max() < 1e-5
+        alone.append(policy.predict(observation)[0] - action)
+    assert np.abs(alone).max() > 0.05  # what it remembers matters
 
 
 def test_a_trained_policy_is_evaluated_by_stable_baselines(tmp_path):
@@ -145,7 +173,7 @@ def same_results(one: Path, other: Path) -> None:
         assert ours == theirs, name
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3"])
+@pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3", "tqc", "recurrent_ppo"])
 def test_a_resumed_training_ends_with_the_same_bits(tmp_path, monkeypatch, algorithm):
     whole = trained(tmp_path / "whole", algorithm)
     interrupt_at(monkeypatch, SMALL[algorithm]["total_steps"] // 2)
@@ -271,7 +299,7 @@ def test_a_training_that_blows_up_stops_and_says_so(tmp_path):
 # Presets -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3"])
+@pytest.mark.parametrize("algorithm", ["ppo", "sac", "td3", "tqc", "recurrent_ppo"])
 @pytest.mark.parametrize("name", scenarios.names())
 def test_every_scenario_has_a_preset(algorithm, name):
     assert load_preset(algorithm, scenarios.load(name)).total_steps > 0

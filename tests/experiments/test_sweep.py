@@ -89,7 +89,10 @@ def same_policy(one: Path, other: Path) -> bool:
         ({"runs": [{"seeds": [0]}]}, r"missing key 'runs\[0\].scenarios'"),
         ({"runs": [ENTRY | {"scenarios": ["thesis_liner"]}]}, "did you mean 'thesis_linear'"),
         ({"runs": [ENTRY | {"scenarios": []}]}, "scenarios must be a list with at least one entry"),
-        ({"runs": [ENTRY | {"algorithms": ["dqn"]}]}, "algorithm must be one of ppo, sac, td3, got 'dqn'"),
+        (
+            {"runs": [ENTRY | {"algorithms": ["dqn"]}]},
+            "algorithm must be one of ppo, recurrent_ppo, sac, td3, tqc, got",
+        ),
         ({"runs": [ENTRY | {"algorithms": ["sac"], "kinds": ["residual"]}]}, "kind of sac must be one of"),
         ({"runs": [ENTRY | {"seeds": 3}]}, r"runs\[0\].seeds must be a list, got 3"),
         ({"runs": [ENTRY | {"seeds": [-1]}]}, r"runs\[0\]: seed must be a whole number from 0"),
