@@ -26,7 +26,7 @@ BAD_INPUT = 2
 INTERRUPTED = 130
 """Exit code of an interruption by the keyboard, 128 + SIGINT."""
 
-ALGORITHMS = ("ppo", "recurrent_ppo", "sac", "td3", "tqc")
+ALGORITHMS = ("ppo", "sac", "td3")
 
 
 class Parser(argparse.ArgumentParser):

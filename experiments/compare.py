@@ -44,6 +44,7 @@ from heave_env.scenarios import Scenario
 Array = np.ndarray
 
 AGENT_PREFIX = "agent:"
+ZOO_PREFIX = "zoo:"
 FILE_PREFIX = "file:"
 N_STORED_SEAS = 3
 """Seas whose time series are stored [-]."""
@@ -62,13 +63,20 @@ def controller_names() -> tuple[str, ...]:
     return tuple(CONTROLLERS)
 
 
+def is_agent(spec: str) -> bool:
+    """Whether a controller that is asked for is a trained agent."""
+    return spec.startswith((AGENT_PREFIX, ZOO_PREFIX))
+
+
 def check_specs(specs: Sequence[str]) -> tuple[str, ...]:
-    """The controllers asked for, each a known name, `agent:RUN` or `file:PATH.py`, none twice.
+    """The controllers asked for: known names, `agent:RUN`, `zoo:NAME/SEED` or `file:PATH.py`, none twice.
+
+    A `zoo:NAME` stands for all its trainings.
 
     Raises:
         ValueError: If one is unknown, repeated, or there is none.
     """
-    wanted = tuple(spec.strip() for spec in specs if spec.strip())
+    wanted = tuple(part for spec in specs if spec.strip() for part in trainings_of(spec.strip()))
     if not wanted:
         raise ValueError(f"no controller was named; choose from {', '.join(controller_names())}, agent:RUN")
     for spec in wanted:
@@ -83,11 +91,24 @@ def check_specs(specs: Sequence[str]) -> tuple[str, ...]:
         elif spec.startswith(FILE_PREFIX):
             if not spec.removeprefix(FILE_PREFIX):
                 raise ValueError("file: lacks the Python file; write file:PATH.py, as file:mine.py")
-        elif spec not in controller_names():
+        elif not spec.startswith(ZOO_PREFIX) and spec not in controller_names():
             known = controller_names()
-            hint = name_hint(spec, known, f"known: {', '.join(known)}, agent:RUN, file:PATH.py")
+            hint = name_hint(spec, known, f"known: {', '.join(known)}, agent:RUN, zoo:NAME, file:PATH.py")
             raise ValueError(f"unknown controller {spec!r}; {hint}")
     return wanted
+
+
+def trainings_of(spec: str) -> tuple[str, ...]:
+    """`zoo:NAME/SEED` for each training of a `zoo:NAME`; anything else as it is.
+
+    Raises:
+        ValueError: If the zoo has no such agent or training.
+    """
+    if not spec.startswith(ZOO_PREFIX):
+        return (spec,)
+    from agents.zoo import specs_of
+
+    return specs_of(spec)
 
 
 def labels_of(specs: Sequence[str]) -> dict[str, str]:
@@ -107,12 +128,18 @@ def labels_of(specs: Sequence[str]) -> dict[str, str]:
 
 
 def controller_of(spec: str, scenario: Scenario, *, allow_other_scenario: bool = False) -> Controller:
-    """The designed controller of that name, the policy of an `agent:RUN` or what a `file:PATH.py` holds, for
-    a scenario.
+    """The designed controller of that name, the policy of an `agent:RUN` or of the zoo, or what a
+    `file:PATH.py` holds, for a scenario.
+
+    Of a `zoo:NAME` the training that costs least on validation seas is taken.
 
     Raises:
         ValueError: If there is no such controller, or it does not fit the scenario.
     """
+    if spec.strip().startswith(ZOO_PREFIX):
+        from agents.zoo import load_agent
+
+        return load_agent(spec.strip(), scenario, allow_other_scenario=allow_other_scenario)
     (spec,) = check_specs([spec])
     if spec == "none":
         return NoControl()
@@ -138,6 +165,11 @@ def content_hash(spec: str) -> str | None:
     """
     if spec.startswith(FILE_PREFIX):
         path = Path(spec.removeprefix(FILE_PREFIX))
+    elif spec.startswith(ZOO_PREFIX):
+        from agents.policy import POLICY_FILE
+        from agents.zoo import policy_folder
+
+        path = policy_folder(spec) / POLICY_FILE
     elif spec.startswith(AGENT_PREFIX):
         from agents.policy import POLICY_FILE
 
@@ -171,7 +203,7 @@ def _identity(
     """What must be the same for a kept part to be taken as it is."""
     from experiments.validate import source_hash
 
-    known, is_agent = versions(), spec.startswith(AGENT_PREFIX)
+    known = versions()
     return {
         "scenario": scenario.fingerprint,
         "duration": scenario.duration,
@@ -183,7 +215,7 @@ def _identity(
         "scored": dataclasses.astuple(part),
         "dtype": dtype,
         "n_stored": n_stored,
-        "source": source_hash((*DECISIVE, "agents") if is_agent else DECISIVE),
+        "source": source_hash((*DECISIVE, "agents") if is_agent(spec) else DECISIVE),
         "versions": {name: known[name] for name in LIBRARIES},
     }
 
@@ -452,7 +484,8 @@ def compare(
 
     Args:
         scenarios: The operations, of distinct names.
-        controllers: Names of designs, `agent:RUN` for trained agents, `file:PATH.py` for those of others.
+        controllers: Names of designs, `agent:RUN` and `zoo:NAME` for trained agents, `file:PATH.py` for those
+            of others.
         n_seeds: Number of test seas.
         out: Folder for the files; a former comparison there is replaced.
         duration: Length of the episodes [s]; None: the scenario's, but no more than the protocol needs.

@@ -10,7 +10,7 @@ from __future__ import annotations
 import dataclasses
 import glob
 import re
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,15 +20,18 @@ import numpy as np
 from experiments import runs
 from experiments.compare import (
     AGENT_PREFIX,
+    ZOO_PREFIX,
     check_contest,
     check_specs,
     content_hash,
     controller_names,
     default_reference,
     entry_of,
+    is_agent,
     labels_of,
     protocol_duration,
     run_contest,
+    trainings_of,
 )
 from experiments.leaderboard import (
     NOMINAL,
@@ -83,10 +86,16 @@ class Contestant:
     """What was asked for: one, or one for each training."""
     asked: bool = True
     """Whether it was named, and is not merely one of all."""
+    home: str | None = None
+    """The one scenario, with its variants, in which it takes part; None: all that it fits."""
 
 
-def contestants(given: Sequence[str]) -> tuple[Contestant, ...]:
-    """Who takes part, from `all`, NAME, agent:RUN, file:PATH.py, and NAME=agent:RUN1+agent:RUN2 or a pattern.
+def contestants(given: Sequence[str], *, zoo: bool = False) -> tuple[Contestant, ...]:
+    """Who takes part.
+
+    Args:
+        given: `all`, NAME, agent:RUN, zoo:NAME, file:PATH.py, and NAME=agent:RUN1+agent:RUN2 or a pattern.
+        zoo: Whether every agent of the zoo takes part in its scenario that is not named otherwise.
 
     Raises:
         ValueError: If one is unknown or named twice, a pattern matches nothing, or there is none.
@@ -98,12 +107,20 @@ def contestants(given: Sequence[str]) -> tuple[Contestant, ...]:
         if text != EVERY:
             named.append(_named(text))
     designs = [name for name in controller_names() if all(name not in specs for _, specs in named)]
-    every = check_specs([*(spec for _, specs in named for spec in specs), *(designs if everyone else [])])
+    shipped = _zoo([spec for _, specs in named for spec in specs]) if zoo else []
+    every = check_specs(
+        [
+            *(spec for _, specs in named for spec in specs),
+            *(designs if everyone else []),
+            *(spec for item in shipped for spec in item.specs),
+        ]
+    )
     labels = labels_of(every)
     for name, specs in named:
         found.append(Contestant(name or labels[specs[0]], specs))
     if everyone:
         found += [Contestant(name, (name,), asked=False) for name in designs]
+    found += shipped
     names = [item.name for item in found]
     for name in names:
         if names.count(name) > 1:
@@ -113,6 +130,18 @@ def contestants(given: Sequence[str]) -> tuple[Contestant, ...]:
     return tuple(found)
 
 
+def _zoo(named: Sequence[str]) -> list[Contestant]:
+    """The agents of the zoo, each in its scenario, but those of which a training is named."""
+    from agents.zoo import names, read
+
+    found = [read(name) for name in names()]
+    return [
+        Contestant(ZOO_PREFIX + agent.name, agent.specs(), asked=False, home=agent.card["scenario_name"])
+        for agent in found
+        if not set(agent.specs()) & set(named)
+    ]
+
+
 def _named(text: str) -> tuple[str, tuple[str, ...]]:
     """Name (empty if none is given) and specs of one contestant."""
     name, equals, rest = text.partition("=")
@@ -120,17 +149,21 @@ def _named(text: str) -> tuple[str, tuple[str, ...]]:
         name, rest = "", text
     elif not name.strip() or not rest.strip():
         raise ValueError(f"a named contestant is NAME=CONTROLLER, as mine=file:mine.py, got {text!r}")
-    parts = re.split(r"\+(?=\w+:)", rest.strip())
-    specs = [spec for part in parts for spec in _matching(part.strip())]
+    parts = [part.strip() for part in re.split(r"\+(?=\w+:)", rest.strip())]
+    specs = [spec for part in parts for spec in _matching(part)]
+    if len(parts) == 1 and parts[0].startswith(ZOO_PREFIX):
+        name = name or parts[0]
     if len(specs) > 1:
-        if not all(spec.startswith(AGENT_PREFIX) for spec in specs):
+        if not all(is_agent(spec) for spec in specs):
             raise ValueError(f"only trainings of an agent are joined to one contestant, got {text!r}")
         name = name or _pattern_name(parts, text)
     return name.strip(), tuple(specs)
 
 
 def _matching(spec: str) -> list[str]:
-    """The runs that an agent's pattern matches, in order; anything else as it is."""
+    """The runs that an agent's pattern matches, or the trainings of one of the zoo, in order; or itself."""
+    if spec.startswith(ZOO_PREFIX):
+        return list(trainings_of(spec))
     path = spec.removeprefix(AGENT_PREFIX)
     if not spec.startswith(AGENT_PREFIX) or not re.search(r"[*?\[]", path) or Path(path).exists():
         return [spec]
@@ -213,6 +246,8 @@ def fields(
     for scenario in scenarios:
         entries, left_out = {}, {}
         for team in teams:
+            if team.home not in (None, scenario.design_basis.name):
+                continue
             made, refused = [], []
             for spec in team.specs:
                 try:
@@ -242,11 +277,20 @@ def fields(
     return found
 
 
-def _cell(scenario: str, place: Scenario, field: Field, contest: Contest) -> Cell:
-    """What happened in one scenario or variant, by contestant."""
+def cell_of(
+    scenario: str, place: Scenario, entries_of: Mapping[str, Sequence[Entry]], contest: Contest
+) -> Cell:
+    """What happened in one scenario or variant, by contestant.
+
+    Args:
+        scenario: Name of the scenario, without the variant.
+        place: The scenario, or its variant.
+        entries_of: The entries of each contestant, one for each training.
+        contest: What all of them did there.
+    """
     by_label = {outcome.entry.label: outcome for outcome in contest.outcomes}
     results = {}
-    for name, entries in field.entries.items():
+    for name, entries in entries_of.items():
         several = [by_label[entry.label] for entry in entries]
         first = several[0]
         results[name] = Result(
@@ -264,6 +308,8 @@ def _cell(scenario: str, place: Scenario, field: Field, contest: Contest) -> Cel
 
 def _training(outcome: Outcome) -> str:
     entry = outcome.entry
+    if entry.spec.startswith(ZOO_PREFIX):
+        return "seed " + entry.spec.rpartition("/")[2]
     return entry.label.removeprefix(AGENT_PREFIX) if entry.spec.startswith(AGENT_PREFIX) else ""
 
 
@@ -376,6 +422,7 @@ def league(
     warm_up: float | None = None,
     dtype: str = "float64",
     reference: str | None = None,
+    zoo: bool = False,
     allow_other_scenario: bool = False,
     clairvoyant: bool = False,
     oracle: bool = False,
@@ -394,6 +441,7 @@ def league(
         warm_up: Time left out at the start [s]; None: the protocol's.
         dtype: Precision of the plant.
         reference: Contestant that everybody is held against; None: `default_reference`.
+        zoo: Whether the agents of the zoo take part, each in its scenario and its variants.
         allow_other_scenario: Whether an agent may act in a scenario it was not trained for.
         clairvoyant: Whether the yardstick that knows each sea beforehand is worked out, where it can be.
         oracle: Whether the yardstick that knows what each episode draws runs, where anything is drawn.
@@ -407,7 +455,7 @@ def league(
         ValueError: If anything asked for is impossible.
     """
     folder = runs.check_folder(out, runs.LEAGUE)
-    teams = contestants(controllers)
+    teams = contestants(controllers, zoo=zoo)
     check_contest(scenarios, n_seeds)
     called = [team.name for team in teams]
     chosen = default_reference(called) if reference is None else reference
@@ -454,7 +502,7 @@ def league(
                 folder=folder,
                 progress=report,
             )
-            cells.append(_cell(name, place, field, contest))
+            cells.append(cell_of(name, place, field.entries, contest))
     told = standings(cells, chosen)
     common = {
         "reference": chosen,

@@ -21,7 +21,7 @@ from typing import Any
 import numpy as np
 
 from experiments import runs
-from experiments.compare import AGENT_PREFIX, check_specs, content_hash, controller_of, labels_of
+from experiments.compare import ZOO_PREFIX, check_specs, content_hash, controller_of, is_agent, labels_of
 from experiments.limits import LEFT_OUT, Limit, Seas, judged, limits_of, seas_needed, verdicts
 from experiments.metrics import CONFIDENCE, METRICS, SCORED, WARM_UP, Window, metric_names, scores, window
 from experiments.rollout import FIRST_TEST_SEED, batches, rollout, with_duration
@@ -103,7 +103,7 @@ class Survey:
             "n_seeds": len(self.seeds),
             "duration": self.duration,
         }
-        if spec.startswith(AGENT_PREFIX):  # its folder may hold another policy by now
+        if is_agent(spec):  # its folder may hold another policy by now
             return found | {"design": None, "policy": content_hash(spec)}
         if content_hash(spec) is not None:  # nor a submission the same text
             found |= {"file": content_hash(spec)}
@@ -111,7 +111,7 @@ class Survey:
 
     def prepared(self, spec: str) -> Controller | None:
         """The controller that acts in every class, or None if each class has its own, which is tried once."""
-        if spec == "none" or (self.design == "fixed" and not spec.startswith(AGENT_PREFIX)):
+        if spec == "none" or (self.design == "fixed" and not is_agent(spec)):
             designed = controller_of(spec, self.scenario)
             _refuse_filter_states(spec, getattr(designed, "measures", ()))
             return designed
@@ -132,7 +132,7 @@ class Survey:
             controller = controller_of(spec, there, allow_other_scenario=True)
         except ValueError as error:
             raise ValueError(f"in seas of {cell}: {error}") from error
-        if spec.startswith(AGENT_PREFIX):
+        if is_agent(spec):
             trained: Scenario = controller.scenario  # type: ignore[attr-defined]
             _refuse_filter_states(spec, trained.observation_names)
         return there, controller
@@ -160,7 +160,9 @@ def _refuse_filter_states(spec: str, entries: Sequence[str]) -> None:
 
 def _kept_file(folder: Path, spec: str, cell: Cell) -> Path:
     name = spec
-    if ":" in spec:
+    if spec.startswith(ZOO_PREFIX):
+        name = re.sub(r"[^\w.-]+", "_", spec)
+    elif ":" in spec:
         kind, _, given = spec.partition(":")
         path = Path(given).resolve()
         known_by = hashlib.sha256(str(path).encode()).hexdigest()[:8]
@@ -304,7 +306,7 @@ def operability(
 
     Args:
         scenario: The operation; its own sea is the one that fixed controllers are designed for.
-        controllers: Names of designs, and `agent:RUN` for trained agents, which act as they are.
+        controllers: Names of designs, and `agent:RUN` or `zoo:NAME` for agents, which act as they are.
         limits: `METRIC=VALUE,...`.
         n_seeds: Seas of each class: the first so many test seas.
         out: The folder.

@@ -83,7 +83,7 @@ def simulate(
     Args:
         scenario: The operation.
         out: The CSV file.
-        controller: Name of a design, or `agent:RUN`.
+        controller: Name of a design, `agent:RUN`, or `zoo:NAME` or `zoo:NAME/SEED`.
         seed: Seed of the sea, its sensors and its initial state.
         motion: Motion file that moves the boom tip in place of sea and vessel.
         duration: Length of the run [s]; None: the scenario's, or what the motion file covers.
