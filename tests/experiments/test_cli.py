@@ -21,6 +21,8 @@ VERBS = (
     "sweep",
     "compare",
     "league",
+    "evaluate",
+    "zoo",
     "report",
     "operability",
     "identify",
