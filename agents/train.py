@@ -8,7 +8,6 @@ gives some rows a new sea. Nothing in it draws from the random streams that the 
 
 from __future__ import annotations
 
-import contextlib
 import csv
 import dataclasses
 import inspect
@@ -16,13 +15,11 @@ import io
 import json
 import logging
 import math
-import signal
 import sys
 import threading
 import time
 from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
-from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 
@@ -33,10 +30,9 @@ from sb3_contrib import TQC, RecurrentPPO
 from stable_baselines3 import PPO, SAC, TD3
 from stable_baselines3.common.base_class import BaseAlgorithm
 from stable_baselines3.common.callbacks import BaseCallback
-from stable_baselines3.common.logger import KVWriter, Logger, TensorBoardOutputFormat
+from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from agents import checkpoint, networks
@@ -45,22 +41,30 @@ from agents.guided_env import GuidedVecEnv, PrivilegedVecEnv, surroundings
 from agents.imitation import imitate
 from agents.policy import TrainedPolicy, policy_card, save_policy
 from agents.presets import Preset, load_preset
+from agents.run_folder import (
+    CARD_FILE,
+    CurveFile,
+    Run,
+    card_of,
+    interrupt_flag,
+    now,
+    sole_user,
+    tensorboard,
+)
 from agents.vec_env import HeaveVecEnv, ScaledReward
 from heave_env import scenarios
 from heave_env.controller import Controller
 from heave_env.env import HeaveVectorEnv
 from heave_env.files import write_atomic
-from heave_env.provenance import commit, versions
+from heave_env.provenance import command_line
 from heave_env.scenarios import Scenario
 
 TRAINING_SEEDS = 10_000_000
 """Training seas have seeds below this."""
 FIRST_VALIDATION_SEED = 10_000_000
 """Validation seas have seeds from here."""
-RUN_FILE = "run.json"
-"""What describes a run, in its folder."""
-STATE_FOLDER = "resume"
-"""Where the state to go on from lies while a training is not finished."""
+FIRST_CARD_SEED = 10_100_000
+"""The validation seas of a run's card have seeds from here: nothing was chosen in them."""
 _LARGEST_WEIGHT = 1e9  # beyond it single precision is no longer worth the name
 _SAVE_SHARE = 0.05  # of the wall time may go into saving the state
 _LOG = logging.getLogger(__name__)
@@ -68,10 +72,6 @@ _LOG = logging.getLogger(__name__)
 
 class TrainingFailure(ValueError):
     """A training that cannot go on; its message says why and what to do."""
-
-
-class FolderInUse(ValueError):
-    """Another process works in the folder."""
 
 
 def train(
@@ -86,6 +86,7 @@ def train(
     progress: bool = True,
     torch_threads: int = 1,
     save_every: float = 20.0,
+    arguments: list[str] | None = None,
 ) -> Path:
     """Trains an agent, or goes on with a training that was interrupted.
 
@@ -103,6 +104,7 @@ def train(
         progress: Whether to draw a progress bar, and say what is skipped, on stderr.
         torch_threads: Threads of torch; only one is reproducible to the bit.
         save_every: Seconds between saves of the state to go on from.
+        arguments: Of the `heave` command that this is, for the run's card; None: a call of this function.
 
     Returns:
         The run folder.
@@ -127,9 +129,14 @@ def train(
         "scenario": scenarios.to_mapping(seen),
         "preset": json.loads(json.dumps(settings.to_mapping())),
     }
+    call = (
+        f"train({chosen.name!r}, algorithm={algorithm!r}, seed={seed}, total_steps={settings.total_steps}, "
+    )
+    call += f"preset={preset!r}, n_envs={settings.n_envs})"
     with sole_user(folder):
-        run = _Run.opened(folder, identity)
+        run = Run.opened(folder, identity, call if arguments is None else command_line(arguments))
         if run.content["status"] == "finished":
+            run.drop_state()
             if progress:
                 print(f"{folder}: this training is finished already", file=sys.stderr)
             return folder
@@ -468,7 +475,7 @@ class _Training:
 
     def __init__(
         self,
-        run: _Run,
+        run: Run,
         scenario: Scenario,
         settings: Preset,
         seed: int,
@@ -523,9 +530,9 @@ class _Training:
         if saved is not None:
             supervisor.restore(*saved)
         run.update(status="running")  # before any other file: a killed run is known for one
-        model.set_logger(Logger(str(run.folder), [supervisor.curve, _tensorboard(run.folder)]))
+        model.set_logger(Logger(str(run.folder), [supervisor.curve, tensorboard(run.folder)]))
         try:
-            with _interrupt_flag() as flag:
+            with interrupt_flag() as flag:
                 supervisor.interrupted = flag
                 model.learn(
                     settings.total_steps - model.num_timesteps,
@@ -582,7 +589,7 @@ class _Supervisor(BaseCallback):
         self.guide = guide
         self.training, self.batch, self.env = training, batch, env
         self.folder, self.settings = training.run.folder, training.settings
-        self.curve = _CurveFile(self.folder / "progress.csv")
+        self.curve = CurveFile(self.folder / "progress.csv")
         self.evaluations: list[dict[str, float]] = []
         self.best: TrainedPolicy | None = None
         self.last = {"log": 0, "evaluation": 0, "checkpoint": 0, "refresh": 0}
@@ -628,8 +635,13 @@ class _Supervisor(BaseCallback):
 
     def failure(self) -> TrainingFailure | None:
         """What to say if weights or costs are no longer finite, or as good as not."""
-        weights = [parameter.detach().abs().max() for parameter in self.model.policy.parameters()]
-        if all(float(weight) < _LARGEST_WEIGHT for weight in weights) and math.isfinite(self.env.mean_cost):
+        policy: Any = self.model.policy
+        largest = max(
+            float(parameter.detach().abs().nan_to_num(torch.inf).max()) for parameter in policy.parameters()
+        )
+        log_std = getattr(policy, "log_std", None)  # of PPO a weight of its own; elsewhere a bounded layer
+        spread = 1.0 if log_std is None else float(torch.exp(log_std.detach()).min())
+        if largest < _LARGEST_WEIGHT and spread > 0.0 and math.isfinite(self.env.mean_cost):
             return None
         return TrainingFailure(
             f"the training stopped being finite at step {self.model.num_timesteps}; the best policy so far "
@@ -756,14 +768,16 @@ class _Supervisor(BaseCallback):
         path.parent.mkdir(exist_ok=True)
         save_policy(path, self._policy(step))
         best = min(self.evaluations, key=lambda row: row["cost_mean"])
-        self.training.run.update(
-            status="finished",
-            steps=step,
-            wall_s=round(self._wall(), 1),
-            finished=_now(),
-            best=best,
-        )
-        self.training.run.drop_state()
+        assert self.best is not None
+        settings, run = self.settings, self.training.run
+        seas: dict[str, Any] = {"n_seas": settings.evaluation_seas, "first_sea": FIRST_CARD_SEED}
+        seas["duration"] = min(settings.evaluation_duration, self.training.scenario.duration)
+        result = seas | validation(self.best, self.training.scenario, **seas)
+        facts = {"steps": step, "wall_s": round(self._wall(), 1), "finished": now()}
+        facts |= {"start": self.evaluations[0], "best": best, "result": result}
+        write_atomic(run.folder / CARD_FILE, card_of(run.content | facts).encode())
+        run.update(status="finished", **facts)
+        run.drop_state()
 
     def close(self) -> None:
         """Ends the bar."""
@@ -884,160 +898,3 @@ def validation(
         "command_std": float(np.sqrt(np.mean(command / scored))),
         "failed": float(failed.sum()),
     }
-
-
-# The run folder ----------------------------------------------------------------------------------
-
-
-class _Run:
-    """A training's folder and the JSON that describes it."""
-
-    def __init__(self, folder: Path, content: dict[str, Any]) -> None:
-        self.folder, self.content = folder, content
-
-    @classmethod
-    def opened(cls, folder: Path, identity: Mapping[str, Any]) -> _Run:
-        """The run in a folder, or a new one.
-
-        Raises:
-            ValueError: If the folder holds another training, or something else.
-        """
-        path = folder / RUN_FILE
-        if not path.exists():
-            # Hidden are the lock, and drafts that a killed process left.
-            strangers = [entry.name for entry in folder.iterdir() if not entry.name.startswith(".")]
-            if strangers:
-                raise ValueError(
-                    f"{str(folder)!r} holds files but no run ({min(strangers)!r}, ...): choose another folder"
-                )
-            # Written once the training stands: settings that do not work leave no run behind.
-            return cls(folder, {**identity, "status": "new", "steps": 0, "wall_s": 0.0, **_origin()})
-        try:
-            content = json.loads(path.read_text(encoding="utf-8"))
-        except (OSError, ValueError) as error:
-            raise ValueError(
-                f"cannot read {str(path)!r} ({error}): delete the folder or choose another"
-            ) from error
-        for key, value in identity.items():
-            if content.get(key) != value:
-                difference = _difference(key, content.get(key), value)
-                raise ValueError(
-                    f"{str(folder)!r} holds another training: its {difference}; "
-                    "choose another folder or repeat its settings"
-                )
-        return cls(folder, content)
-
-    @property
-    def state_folder(self) -> Path:
-        """Where the state to go on from lies."""
-        return self.folder / STATE_FOLDER
-
-    def update(self, **changes: Any) -> None:
-        """Changes entries and writes the JSON."""
-        self.content |= changes
-        write_atomic(self.folder / RUN_FILE, (json.dumps(self.content, indent=1) + "\n").encode())
-
-    def drop_state(self) -> None:
-        """Removes the state to go on from: there is nothing left to do."""
-        if self.state_folder.exists():
-            for path in self.state_folder.iterdir():
-                path.unlink()
-            self.state_folder.rmdir()
-
-
-_LOCK_FILE = ".lock"
-
-
-@contextlib.contextmanager
-def sole_user(folder: Path) -> Iterator[None]:
-    """Holds the folder for this process; the system lets go of it when the process ends, however it does.
-
-    Raises:
-        FolderInUse: If another process holds it.
-        ValueError: If it cannot be made.
-    """
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ValueError(f"cannot make the run folder {str(folder)!r}: {error.strerror}") from error
-    try:
-        import fcntl
-    except ImportError:  # not on this system: two trainings in one folder are the user's own affair
-        yield
-        return
-    with (folder / _LOCK_FILE).open("w") as file:
-        try:
-            fcntl.flock(file, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except OSError as error:
-            raise FolderInUse(
-                f"another process is training in {str(folder)!r}: wait for it or end it"
-            ) from error
-        yield
-
-
-def _difference(key: str, theirs: Any, ours: Any) -> str:
-    """Where two settings differ, by the innermost key."""
-    if isinstance(theirs, dict) and isinstance(ours, dict):
-        for inner in ours:
-            if theirs.get(inner) != ours[inner]:
-                return _difference(f"{key}.{inner}", theirs.get(inner), ours[inner])
-    return f"{key} is {theirs!r}, not {ours!r}"
-
-
-def _now() -> str:
-    return datetime.now(UTC).isoformat(timespec="seconds")
-
-
-def _origin() -> dict[str, Any]:
-    """When, by which versions and from which commit a run was started."""
-    return {"started": _now(), "versions": dict(versions()), "commit": commit()}
-
-
-class _CurveFile(KVWriter):
-    """The logged values as CSV, rewritten whole at each row, so that no kill leaves half a line."""
-
-    def __init__(self, path: Path) -> None:
-        self.path = path
-        self.rows: list[dict[str, float]] = []
-
-    def write(
-        self, key_values: dict[str, Any], key_excluded: dict[str, tuple[str, ...]], step: int = 0
-    ) -> None:
-        """Adds a row."""
-        self.rows.append({key: float(value) for key, value in sorted(key_values.items())})
-        columns: dict[str, None] = {}
-        for row in self.rows:
-            columns |= dict.fromkeys(row)
-        text = io.StringIO()
-        writer = csv.DictWriter(text, list(columns), lineterminator="\n")
-        writer.writeheader()
-        writer.writerows(self.rows)
-        write_atomic(self.path, text.getvalue().encode())
-
-    def close(self) -> None:
-        """Nothing is left open."""
-
-
-def _tensorboard(folder: Path) -> TensorBoardOutputFormat:
-    return TensorBoardOutputFormat(str(folder / "tensorboard"))
-
-
-@contextlib.contextmanager
-def _interrupt_flag() -> Iterator[threading.Event]:
-    """An event that Ctrl-C or SIGTERM sets; a second Ctrl-C interrupts at once. Main thread only."""
-    flag = threading.Event()
-    if threading.current_thread() is not threading.main_thread():
-        yield flag
-        return
-
-    def handle(signum: int, frame: Any) -> None:
-        if flag.is_set():
-            raise KeyboardInterrupt
-        flag.set()
-
-    previous = {number: signal.signal(number, handle) for number in (signal.SIGINT, signal.SIGTERM)}
-    try:
-        yield flag
-    finally:
-        for number, handler in previous.items():
-            signal.signal(number, handler)

@@ -26,7 +26,7 @@ BAD_INPUT = 2
 INTERRUPTED = 130
 """Exit code of an interruption by the keyboard, 128 + SIGINT."""
 
-ALGORITHMS = ("ppo", "sac", "td3")
+ALGORITHMS = ("ppo", "recurrent_ppo", "sac", "td3", "tqc")
 
 
 class Parser(argparse.ArgumentParser):
@@ -877,6 +877,7 @@ def _train(options: argparse.Namespace) -> None:
         total_steps=options.steps,
         out=options.out,
         preset=options.preset,
+        arguments=options.arguments,
     )
     print(
         f"{run}: compare it with\n"

@@ -130,7 +130,7 @@ def sweep(
         ValueError: If the file or an argument is impossible, or a package is missing.
         KeyboardInterrupt: When interrupted, after the trainings have saved their state.
     """
-    from agents.train import sole_user
+    from agents.run_folder import sole_user
 
     if workers is not None and workers < 1:
         raise ValueError(f"--workers must be at least 1, got {workers}")
@@ -379,7 +379,8 @@ def run_cell(task: dict[str, Any]) -> Outcome:
 
 
 def _train(cell: Cell, folder: Path, save_every: float, progress: bool) -> None:
-    from agents.train import FolderInUse, train
+    from agents.run_folder import FolderInUse
+    from agents.train import train
 
     patience = time.monotonic() + _HAND_OVER
     while True:

@@ -16,6 +16,7 @@ CORE_PACKAGES = {"numpy", "scipy", "numba", "gymnasium", "yaml"}
 HOMES = {  # the first room in which a package may be imported
     "torch": "agents",
     "stable_baselines3": "agents",
+    "sb3_contrib": "agents",
     "safetensors": "agents",
     "tensorboard": "agents",
     "matplotlib": "experiments",

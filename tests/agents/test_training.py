@@ -90,6 +90,10 @@ def test_every_algorithm_trains_into_a_complete_folder(tmp_path, algorithm):
     assert list((folder / "tensorboard").glob("events.out.tfevents.*"))
     assert (folder / "checkpoints" / "policy-final.json").exists()
     assert not (folder / "resume").exists()
+    card = (folder / "card.md").read_text()
+    assert run["result"]["first_sea"] > 10_000_000 and f"{run['result']['cost_mean']:.4g}" in card
+    for fact in (f"train('{SCENARIO.name}', algorithm='{algorithm}', seed=1", run["commit"], run["finished"]):
+        assert fact in card
     policy = load_policy(folder, SCENARIO)
     assert policy.card["training"]["validation_cost"] == pytest.approx(best)
     load_policy(folder / "checkpoints" / "policy-final.json", SCENARIO)
@@ -288,9 +292,14 @@ def test_two_trainings_do_not_share_a_folder(tmp_path):
             trained(tmp_path / "run")
 
 
-def test_a_training_that_blows_up_stops_and_says_so(tmp_path):
-    with pytest.raises(TrainingFailure, match="learning_rate"):
-        trained(tmp_path / "run", learning_rate=1e30)
+@pytest.mark.parametrize(
+    ("algorithm", "learning_rate"),
+    [("ppo", 1e3), ("ppo", 1e9), ("ppo", 1e30), ("recurrent_ppo", 1e5), ("sac", 1e9), ("tqc", 1e12)],
+)
+def test_a_training_that_blows_up_stops_and_says_so(tmp_path, algorithm, learning_rate):
+    with pytest.raises(TrainingFailure, match="learning_rate") as caught:
+        trained(tmp_path / "run", algorithm, learning_rate=learning_rate)
+    assert "\n" not in str(caught.value)
     run = json.loads((tmp_path / "run" / "run.json").read_text())
     assert run["status"] == "failed"
     load_policy(tmp_path / "run")

@@ -21,7 +21,8 @@ import yaml
 pytest.importorskip("stable_baselines3")
 
 from agents.presets import KINDS
-from agents.train import FolderInUse, sole_user, train
+from agents.run_folder import FolderInUse, sole_user
+from agents.train import train
 from experiments import cli, runs
 from experiments.sweep import COLUMNS, TABLE_FILE, sweep
 from experiments.sweep_file import cells_of, read_sweep, resolved
