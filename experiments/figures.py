@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import io
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from typing import Any
@@ -12,8 +13,8 @@ import numpy as np
 Array = np.ndarray
 
 COLOURS = ("#8a8f98", "#cf3b2e", "#eda520", "#0b62a8", "#1ba37c", "#4b1f78", "#5bb8ec", "#e58ab8", "#4f4208")
-"""Line colours; the first is kept for no control. They stay apart for those who lack the receptor of red or of
-green, and in lightness, for print without colour."""
+"""Line colours; the first is kept for no control. They stay apart for those who lack the receptor of red or
+of green, and in lightness, for print without colour."""
 INK = "#30353d"
 """Colour of what is no controller's: the boom tip, axes' labels, lines of reference."""
 DASHES = ("-", (0, (5, 1.5)), (0, (1.5, 1.2)), "-", (0, (6, 1.5, 1.2, 1.5)), "-")
@@ -56,7 +57,7 @@ def colour_of(labels: Sequence[str]) -> dict[str, str]:
     return {label: chosen.get(label, COLOURS[0]) for label in labels}
 
 
-def _dashes(labels: Sequence[str]) -> dict[str, Any]:
+def dashes_of(labels: Sequence[str]) -> dict[str, Any]:
     others = [label for label in labels if label != "none"]
     return {label: DASHES[others.index(label) % len(DASHES)] if label in others else "-" for label in labels}
 
@@ -141,7 +142,7 @@ def _decades(axis: Any, small: float, large: float) -> None:
     axis.minorticks_off()
 
 
-def _metres(size: float) -> tuple[float, str]:
+def metres(size: float) -> tuple[float, str]:
     """Factor and unit in which lengths of about this size read well."""
     if size < 2e-3:
         return 1e6, "µm"
@@ -192,7 +193,7 @@ def draw_series(
         rate_limit: Largest speed of the drum [m/s], drawn where it lies near.
     """
     labels = list(channels)
-    colours, dashes = colour_of(labels), _dashes(labels)
+    colours, dashes = colour_of(labels), dashes_of(labels)
     shown = (time >= start - 1e-9) & (time <= end + 1e-9)
     acting = [label for label in labels if label != "none"] or labels
     panels = series_panels(channels)
@@ -218,7 +219,7 @@ def draw_series(
     axis.set_title(title)
     axis.legend(loc="lower right", bbox_to_anchor=(1.0, 0.97), ncols=2, fontsize=8)
     shares = [float(np.std(channels[label]["payload_heave"][shown])) for label in acting]
-    scale, unit = _metres(max(shares))
+    scale, unit = metres(max(shares))
     title = "Payload heave under control"
     quiet = [share for share in shares if share > 0.0]
     drawn("payload", "payload_heave", scale, acting)
@@ -272,7 +273,7 @@ def spectra(omega: Array, boom_tip: Array | None, payload: dict[str, Array]) -> 
         payload: Density of the payload heave by controller [m² s/rad].
     """
     labels = list(payload)
-    colours, dashes = colour_of(labels), _dashes(labels)
+    colours, dashes = colour_of(labels), dashes_of(labels)
     figure, axis = _figure(figsize=(5.6, 3.9))
     band = (omega > 0.0) & (omega <= 4.0)
     peaks = []
@@ -374,23 +375,41 @@ def distribution(heave_std: dict[str, Array]) -> str:
     return _drawn(figure)
 
 
-@_styled
 def performance_profiles(
     thresholds: Array, shares: dict[str, Array], reference: str, names: Sequence[str]
 ) -> str:
-    """Share of seas (and trainings) in which the cost is at most so many times the reference's.
+    """Share of seas (and trainings) in which the cost is at most so many times the reference's; arguments as
+    `draw_profiles`."""
+    return svg(lambda figure: draw_profiles(figure, thresholds, shares, reference, names), (8.4, 3.9))
+
+
+def draw_profiles(
+    figure: Any,
+    thresholds: Array,
+    shares: dict[str, Array],
+    reference: str,
+    names: Sequence[str],
+    bands: dict[str, tuple[Array, Array]] | None = None,
+) -> None:
+    """Draws performance profiles.
 
     Args:
+        figure: What to draw on.
         thresholds: Ratios [-], (n_thresholds,), increasing.
         shares: By contestant, (n_thresholds,) [-].
         reference: Whose cost the ratios are over.
         names: Everybody, in the order that gives them colours.
+        bands: By contestant the ends of an interval, (n_thresholds,) each [-].
     """
-    colours, dashes = colour_of(names), _dashes(names)
-    figure, axis = _figure(figsize=(8.4, 3.9))
-    for label in shares:
+    colours, dashes = colour_of(names), dashes_of(names)
+    axis = figure.subplots()
+    # In the order of the legend: who is further left and higher stands above.
+    for label in sorted(shares, key=lambda name: -float(np.mean(shares[name]))):
         if label == reference:
             continue  # a step at one
+        if bands is not None:
+            ends = [100.0 * end for end in bands[label]]
+            axis.fill_between(thresholds, *ends, color=colours[label], alpha=0.13, lw=0)
         axis.plot(thresholds, 100.0 * shares[label], color=colours[label], ls=dashes[label], label=label)
     axis.axvline(1.0, color=INK, lw=1.0, ls=(0, (2, 2)), label=f"{reference} (ratio 1)")
     axis.set_xscale("log")
@@ -408,7 +427,6 @@ def performance_profiles(
     axis.set_ylabel("share of seas [%]")
     axis.set_title("Performance profiles: further left and higher is better")
     axis.legend(fontsize=8, loc="center left", bbox_to_anchor=(1.0, 0.5))
-    return _drawn(figure)
 
 
 MAP_COLUMNS = 3
@@ -535,7 +553,7 @@ def sea_maps(
     grids = {label: np.where(np.abs(grid) < 1e-9 * abs(high), 0.0, grid) for label, grid in grids.items()}
     low, factor = 0.0 if abs(low) < 1e-9 * abs(high) else low, 1.0
     if unit == "m":
-        factor, unit = _metres(high if low > 0.02 else 0.1)
+        factor, unit = metres(high if low > 0.02 else 0.1)
     low, high = factor * low, factor * high
     wide = low > 0.0 and high > 30.0 * low
     low = low if wide or low < 0.0 or high < 3.0 * low else 0.0
@@ -558,3 +576,188 @@ def sea_maps(
         bar.outline.set_visible(False)
     figure.suptitle(title, x=0.02, ha="left", fontsize=10.5, fontweight="bold")
     return _drawn(figure)
+
+
+# Names beside what they name ---------------------------------------------------------------------
+
+
+def plain_ticks(axis: Any, which: str, most: int = 8) -> None:
+    """Ticks of a logarithmic axis at 1, 2 and 5 times powers of ten, or at powers alone, in plain numbers."""
+    low, high = getattr(axis, f"get_{which}lim")()
+    powers = range(math.floor(math.log10(low)), math.ceil(math.log10(high)) + 1)
+    for steps in ((1.0, 1.5, 2.0, 3.0, 4.0, 5.0, 7.0), (1.0, 2.0, 5.0), (1.0, 3.0), (1.0,)):
+        ticks = [step * 10.0**power for power in powers for step in steps]
+        ticks = [tick for tick in ticks if low <= tick <= high]
+        if len(ticks) <= most:
+            break
+    else:
+        ticks = ticks[:: math.ceil(len(ticks) / most)]
+    getattr(axis, f"set_{which}ticks")(ticks, [f"{tick:g}" for tick in ticks])
+    axis.minorticks_off()
+
+
+REACHES = (5.0, 9.0, 14.0, 20.0, 28.0, 38.0, 50.0, 65.0)
+"""How far from its point a name may stand [pt], the nearest first."""
+CURVE_STEP = 3.0
+"""Distance of the points that stand for a curve where names are kept clear of it [pt]."""
+
+
+def name_points(
+    axis: Any, points: Sequence[tuple[str, float, float, str]], curves: Sequence[Array] = ()
+) -> list[Any]:
+    """Writes a name beside each point, clear of the other names, the points and the curves as far as it goes.
+
+    The axis must have its limits and everything that its layout depends on.
+
+    Args:
+        axis: Where.
+        points: Name, x, y and colour of each.
+        curves: What else to keep clear of, each (n, 2) in the axis's own units.
+
+    Returns:
+        The texts, in the order of the points.
+    """
+    from matplotlib.backends.backend_agg import FigureCanvasAgg
+    from matplotlib.patheffects import withStroke
+
+    figure = axis.figure
+    FigureCanvasAgg(figure)
+    figure.draw_without_rendering()
+    scale = 72.0 / figure.dpi
+    frame = axis.get_window_extent()
+    low, high = scale * np.array(frame.min), scale * np.array(frame.max)
+
+    def placed(values: Array) -> Array:
+        return scale * np.asarray(axis.transData.transform(np.asarray(values, dtype=float)))
+
+    spots = [placed(np.array([[x, y]]))[0] for _, x, y, _ in points]
+    taken = [np.array(spots).reshape(-1, 2), *(_dense(placed(curve)) for curve in curves if len(curve))]
+    obstacles = np.concatenate(taken)
+    boxes: list[tuple[Array, Array]] = []
+    texts = []
+    for (name, x, y, colour), spot in zip(points, spots, strict=True):
+        around = [withStroke(linewidth=2.2, foreground="#ffffff")]
+        text = axis.annotate(name, (x, y), color=colour, fontsize=8.5, path_effects=around, zorder=6)
+        text.set_in_layout(False)
+        extent = text.get_window_extent()
+        half = 0.5 * scale * np.array([extent.width, extent.height]) + 1.0
+        offset = _clear(spot, half, obstacles, boxes, low, high)
+        boxes.append((spot + offset - half, spot + offset + half))
+        text.remove()
+        far = np.abs(offset)[0] > half[0] + 12.0 or np.abs(offset)[1] > half[1] + 12.0
+        text = axis.annotate(
+            name,
+            (x, y),
+            xytext=tuple(offset),
+            textcoords="offset points",
+            ha="center",
+            va="center",
+            color=colour,
+            fontsize=8.5,
+            path_effects=around,
+            zorder=6,
+            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.6, "shrinkB": 4} if far else None,
+        )
+        text.set_in_layout(False)
+        texts.append(text)
+    return texts
+
+
+def _clear(
+    spot: Array, half: Array, obstacles: Array, boxes: Sequence[tuple[Array, Array]], low: Array, high: Array
+) -> Array:
+    """Where the middle of a name stands best relative to its point [pt]."""
+    best, least = np.zeros(2), math.inf
+    for reach in REACHES:
+        for angle in np.arange(0.0, 360.0, 22.5):
+            direction = np.array([math.cos(math.radians(angle)), math.sin(math.radians(angle))])
+            offset = direction * (half + reach)
+            below, above = spot + offset - half, spot + offset + half
+            outside = float(np.maximum(low - below, 0.0).sum() + np.maximum(above - high, 0.0).sum())
+            hidden = float(np.all((obstacles > below) & (obstacles < above), axis=1).sum())
+            shared = sum(
+                float(np.prod(np.maximum(np.minimum(above, to) - np.maximum(below, at), 0.0)))
+                for at, to in boxes
+            )
+            cost = 20.0 * outside + 25.0 * hidden + 5.0 * shared + reach
+            if cost < least - 1e-9:
+                best, least = offset, cost
+    return best
+
+
+def _dense(curve: Array) -> Array:
+    """Points along a polyline, none further from the next than `CURVE_STEP`."""
+    curve = curve[np.isfinite(curve).all(axis=1)]
+    if len(curve) < 2:
+        return curve
+    pieces = []
+    for first, last in itertools.pairwise(curve):
+        count = max(1, min(400, math.ceil(float(np.hypot(*(last - first))) / CURVE_STEP)))
+        pieces.append(first + (last - first) * np.arange(count)[:, None] / count)
+    return np.concatenate([*pieces, curve[-1:]])
+
+
+def name_ends(axis: Any, ends: Sequence[tuple[str, float, str]], *, gap: float = 11.0) -> list[Any]:
+    """Writes a name at the right of the axis for each line that ends at a height, set apart where they crowd.
+
+    Args:
+        axis: Where; its limits must stand.
+        ends: Name, height and colour of each.
+        gap: Least distance of two names [pt].
+    """
+    figure = axis.figure
+    figure.draw_without_rendering()
+    scale = 72.0 / figure.dpi
+    frame = axis.get_window_extent()
+    bottom, top = scale * frame.ymin, scale * frame.ymax
+    order = sorted(range(len(ends)), key=lambda i: ends[i][1])
+    wanted = [
+        float(np.clip(scale * axis.transData.transform((axis.get_xlim()[1], ends[i][1]))[1], bottom, top))
+        for i in order
+    ]
+    texts: list[Any] = [None] * len(ends)
+    for i, height, given in zip(order, apart(wanted, gap, bottom, top), wanted, strict=True):
+        name, _, colour = ends[i]
+        texts[i] = axis.annotate(
+            name,
+            (1.0, (given - bottom) / (top - bottom)),
+            xycoords="axes fraction",
+            xytext=(12.0, height - given),
+            textcoords="offset points",
+            va="center",
+            color=colour,
+            fontsize=8.5,
+            annotation_clip=False,
+            arrowprops={"arrowstyle": "-", "color": colour, "lw": 0.6, "shrinkA": 1, "shrinkB": 0},
+        )
+    return texts
+
+
+def apart(wanted: Sequence[float], gap: float, low: float, high: float) -> list[float]:
+    """Heights near those that are wanted, no two nearer than a gap, within the ends if they can be.
+
+    Args:
+        wanted: Heights, increasing.
+        gap: Least distance.
+        low: Lower end.
+        high: Upper end.
+    """
+    # Neighbours that touch are merged into a group about the mean of what they want.
+    groups: list[list[float]] = []
+    middles: list[float] = []
+    for height in wanted:
+        groups.append([height])
+        middles.append(height)
+        while len(groups) > 1 and middles[-1] - middles[-2] < 0.5 * gap * (len(groups[-1]) + len(groups[-2])):
+            last = groups.pop()
+            groups[-1] += last
+            middles.pop()
+            middles[-1] = sum(groups[-1]) / len(groups[-1])
+    found = []
+    for group, middle in zip(groups, middles, strict=True):
+        found += [middle + gap * (i - 0.5 * (len(group) - 1)) for i in range(len(group))]
+    for i in range(len(found)):  # pushed up from the bottom, then down from the top
+        found[i] = max(found[i], low + gap * i)
+    for i in reversed(range(len(found))):
+        found[i] = min(found[i], high - gap * (len(found) - 1 - i))
+    return found

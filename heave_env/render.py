@@ -117,6 +117,27 @@ def draw_frame(data: FrameData) -> np.ndarray:
     Raises:
         DependencyNotInstalled: Pillow is missing.
     """
+    canvas = _scene_canvas(data)
+    _draw_panel(canvas, data)
+    return canvas.pixels()
+
+
+def draw_scene(data: FrameData) -> np.ndarray:
+    """Draws vessel, cable and payload without the panel beside them.
+
+    Args:
+        data: What to show.
+
+    Returns:
+        Picture, uint8, shape (480, 382, 3).
+
+    Raises:
+        DependencyNotInstalled: Pillow is missing.
+    """
+    return _scene_canvas(data).pixels()[:, :_SCENE_WIDTH]
+
+
+def _scene_canvas(data: FrameData) -> _Canvas:
     canvas = _Canvas()
     scene = _Scene(data)
     _draw_sea(canvas, data, scene)
@@ -127,8 +148,7 @@ def draw_frame(data: FrameData) -> np.ndarray:
     _draw_sheave(canvas, scene)
     _draw_tension_scale(canvas, data)
     _draw_caption(canvas, data, scene)
-    _draw_panel(canvas, data)
-    return canvas.pixels()
+    return canvas
 
 
 def ansi_frame(data: FrameData) -> str:

@@ -1,0 +1,496 @@
+"""What is left of the motion against what it takes: the fronts of classical designs over their weights.
+
+A design is swept along rays through its tuned weights: the command weight alone, the weight of the winch's
+speed alone, the price of its work alone. The front is drawn through those of its choices than which none is
+better in both respects. Everybody acts in the same seas, the fronts too, so that a point below a front did
+what no weights of that design do there.
+"""
+
+from __future__ import annotations
+
+import inspect
+import itertools
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+import baselines
+from baselines.tuning import needs_tuning, tuned_weights
+from experiments import figures
+from experiments.kept import kept_file, read_kept, write_kept
+from experiments.leaderboard import Quantity, estimated
+from experiments.metrics import METRICS
+from experiments.pictures import Picture, Progress, Scored, play
+from experiments.results import Entry
+from experiments.statistics import mean
+from heave_env.scenarios import Scenario
+
+Array = np.ndarray
+
+MEASURES = {
+    "control_energy": ("control energy, mean u0²", 1.0, "m²"),
+    "winch_work": ("work of the winch", 1e-6, "MJ"),
+    "energy_cost": ("priced work of the winch, mean e |T v| / T_s", 1.0, "-"),
+}
+"""What motion is held against: words, factor to the shown unit, and that unit."""
+STD = "payload_heave_std"
+WEIGHTS = ("command_weight", "speed_weight", "energy_weight")
+"""Weights of a design that are swept, each along a ray."""
+COMMAND_FACTORS = (1e-2, 1e6)
+"""Ends of the ray of the command weight, over the task's own [-]."""
+SPEED_FACTORS = (1e-2, 1e4)
+"""Ends of the ray of the speed weight, over the position weight [s²]."""
+ENERGY_FACTORS = (1e-1, 1e2)
+"""Ends of the ray of the price of work, over the tuned one [-]."""
+N_WEIGHTS = 9
+"""Weights along a ray unless asked otherwise, before it is refined [-]."""
+N_REFINEMENTS = 2
+"""How often weights are put between those whose motions differ by more than `STEP` [-]."""
+STEP = 1.3
+"""Ratio of the motions of neighbours on a ray above which another weight is put between them [-]."""
+
+
+@dataclass(frozen=True)
+class Choice:
+    """One choice of a design's weights, and what came of it."""
+
+    design: str
+    weights: dict[str, float]
+    tuned: bool
+    """Whether these are the weights that the design has in every comparison."""
+    numbers: dict[str, Quantity]
+    """Mean and interval of each metric that is drawn."""
+    failed: int
+    """Seas in which it diverged or lost the payload [-]."""
+
+
+def default_designs(scenario: Scenario) -> tuple[str, ...]:
+    """Designs whose fronts say most: `lqg`, with limits `mpc` too, with a price of the work `mpc_l1` too.
+
+    Without limits `mpc` is `lqg`.
+    """
+    names = ["lqg"]
+    names += ["mpc"] if scenario.winch.is_limited else []
+    return (*names, *(["mpc_l1"] if scenario.task.energy_weight > 0.0 else []))
+
+
+def swept_weights(design: str) -> tuple[str, ...]:
+    """Weights of a design that can be swept.
+
+    Raises:
+        ValueError: If there is no such design, or it has none.
+    """
+    sweepable = [name for name in baselines.DESIGNERS if _arguments(name)]
+    if design not in sweepable:
+        raise ValueError(f"{design!r} has no weights to sweep; choose from {', '.join(sweepable)}")
+    return _arguments(design)
+
+
+def _arguments(design: str) -> tuple[str, ...]:
+    known = inspect.signature(baselines.DESIGNERS[design]).parameters
+    return tuple(name for name in WEIGHTS if name in known)
+
+
+def choices(design: str, scenario: Scenario, own: dict[str, float], n_weights: int) -> list[dict[str, float]]:
+    """Weights along the rays of a design, its own first.
+
+    Args:
+        design: Name of the design.
+        scenario: The operation that it is for.
+        own: Its weights in every comparison.
+        n_weights: Weights along a ray [-].
+    """
+    q, r = scenario.task.position_weight, scenario.task.command_weight
+    grids = {
+        "command_weight": r * np.geomspace(*COMMAND_FACTORS, n_weights),
+        "speed_weight": q * np.geomspace(*SPEED_FACTORS, n_weights),
+        "energy_weight": own.get("energy_weight", 1.0) * np.geomspace(*ENERGY_FACTORS, n_weights),
+    }
+    found = [dict(own)]
+    for name in swept_weights(design):
+        for value in grids[name]:
+            weights = own | {name: float(f"{value:.6g}")}
+            if weights not in found:
+                found.append(weights)
+    return found
+
+
+def own_weights(design: str, scenario: Scenario, folder: Path) -> dict[str, float]:
+    """The weights that a design has in every comparison, tuned where it is; kept in the folder.
+
+    Args:
+        design: Name of the design.
+        scenario: The operation that it is for.
+        folder: Where what was tuned is kept.
+    """
+    from experiments.validate import source_hash
+
+    basis = scenario.design_basis
+    own = {"command_weight": basis.task.command_weight}
+    if "speed_weight" in swept_weights(design):
+        own["speed_weight"] = 0.0
+    if "energy_weight" in swept_weights(design):
+        from baselines.mpc import assumed_energy_weight
+
+        own["energy_weight"] = basis.task.energy_weight or assumed_energy_weight(basis)
+    if design not in baselines.TUNED or not needs_tuning(basis):
+        return own
+    path = kept_file(folder, scenario.name, f"weights of {design}")
+    identity = {"scenario": basis.fingerprint, "source": source_hash(("heave_env", "baselines"))}
+    arrays = read_kept(path, identity)
+    if arrays is None:
+        found = tuned_weights(design, baselines.DESIGNERS[design], basis, {})
+        arrays = {name: np.array(value) for name, value in found.items()}
+        write_kept(path, identity, arrays)
+    return own | {name: float(value) for name, value in arrays.items()}
+
+
+def sweep(
+    design: str,
+    scenario: Scenario,
+    seeds: range,
+    folder: Path,
+    *,
+    n_weights: int = N_WEIGHTS,
+    warm_up: float | None = None,
+    progress: Progress | None = None,
+) -> list[Choice]:
+    """Lets a design act under each choice of its weights; what is done is kept in the folder.
+
+    Args:
+        design: Name of the design.
+        scenario: The operation as it is met, with the duration that is wanted.
+        seeds: Seeds of the seas.
+        folder: Where each choice's part is kept.
+        n_weights: Weights along a ray [-].
+        warm_up: Time left out at the start [s]; None: the protocol's.
+        progress: Called with scenario, label, steps done since the last call and steps in all.
+
+    Raises:
+        ValueError: If the design does not fit the scenario.
+    """
+    own = own_weights(design, scenario, folder)
+    asked = choices(design, scenario.design_basis, own, n_weights)
+    found: list[Choice] = []
+    for _ in range(1 + N_REFINEMENTS):
+        found = _played(design, scenario, asked, own, seeds, folder, warm_up, progress)
+        between = refined(found)
+        if not between:
+            break
+        asked = [*asked, *between]
+    return found
+
+
+def refined(found: Sequence[Choice]) -> list[dict[str, float]]:
+    """Weights halfway between neighbours on a ray whose motions differ by more than `STEP`."""
+    own, between = found[0].weights, []
+    for name in own:
+        others = {key: value for key, value in own.items() if key != name}
+        ray = [item for item in found if others.items() <= item.weights.items() and item.weights[name] > 0.0]
+        ray = [item for item in ray if not item.failed and STD in item.numbers]
+        ray.sort(key=lambda item: item.weights[name])
+        for one, two in itertools.pairwise(ray):
+            ratio = one.numbers[STD].value / two.numbers[STD].value
+            if max(ratio, 1.0 / ratio) > STEP:
+                middle = math.sqrt(one.weights[name] * two.weights[name])
+                between.append(own | {name: float(f"{middle:.6g}")})
+    return between
+
+
+def _played(
+    design: str,
+    scenario: Scenario,
+    asked: Sequence[dict[str, float]],
+    own: dict[str, float],
+    seeds: range,
+    folder: Path,
+    warm_up: float | None,
+    progress: Progress | None,
+) -> list[Choice]:
+    entries = []
+    for weights in asked:
+        told = ",".join(f"{name}={value:.6g}" for name, value in weights.items())
+        made = baselines.design(design, scenario, **weights)
+        sees = getattr(made, "information_set", None) or scenario.information_set
+        entries.append(Entry(f"{design} {told}", f"{design},{told}", made, sees))
+    contest = play(scenario, entries, seeds, folder, warm_up=warm_up, progress=progress)
+    found = []
+    for weights, outcome in zip(asked, contest.outcomes, strict=True):
+        numbers = {}
+        for metric in (STD, *MEASURES):
+            if metric in outcome.values:
+                number = estimated(mean, [[outcome.values[metric][None]]], METRICS[metric].unit)
+                if number is not None:
+                    numbers[metric] = number
+        failed = int(outcome.ends["diverged"].sum() + outcome.ends["lost"].sum())
+        found.append(Choice(design, weights, weights == own, numbers, failed))
+    return found
+
+
+def front(found: Sequence[Choice], measure: str) -> list[Choice]:
+    """Those choices than which no other has both less motion and a smaller measure, by that measure.
+
+    A choice under which a sea failed is not among them.
+    """
+    sound = [item for item in found if not item.failed and STD in item.numbers and measure in item.numbers]
+    kept: list[Choice] = []
+    for item in sorted(sound, key=lambda one: (one.numbers[measure].value, one.numbers[STD].value)):
+        if not kept or item.numbers[STD].value < kept[-1].numbers[STD].value:
+            kept.append(item)
+    return kept
+
+
+COLUMNS = (
+    "kind",
+    "who",
+    *WEIGHTS,
+    "tuned",
+    "n_trainings",
+    "n_seas",
+    "failed",
+    *(
+        f"{metric}{end} [{METRICS[metric].unit}]"
+        for metric in (STD, *MEASURES)
+        for end in ("", "_low", "_high")
+    ),
+    *(f"on front of {measure}" for measure in MEASURES),
+)
+"""Columns of the table beside the picture: `kind` is `swept` (weights of a design) or `entry`."""
+
+
+def fronts_picture(scored: Scored, swept: dict[str, list[Choice]]) -> Picture:
+    """The picture of a scenario.
+
+    Args:
+        scored: Everybody's scores, who become points.
+        swept: By design, its choices, whose front is drawn.
+    """
+    entries = {
+        entry: {metric: scored.number(entry, metric) for metric in (STD, *MEASURES)}
+        for entry in scored.values
+    }
+    names = [*swept, *(entry for entry in entries if entry not in swept)]
+    measures = [
+        measure for measure in MEASURES if any(numbers[measure] is not None for numbers in entries.values())
+    ]
+    rows: list[tuple[Any, ...]] = []
+    for design, found in swept.items():
+        on = {measure: front(found, measure) for measure in MEASURES}
+        for item in found:
+            weights = [item.weights.get(name) for name in WEIGHTS]
+            seas = (1, scored.n_seas, item.failed)
+            marks = [item in on[measure] if measure in measures else None for measure in MEASURES]
+            rows.append(("swept", design, *weights, item.tuned, *seas, *_numbers(item.numbers), *marks))
+    for entry, numbers in entries.items():
+        seas = (len(scored.values[entry]["cost"]), scored.n_seas, scored.failed(entry))
+        rows.append(("entry", entry, *(None for _ in WEIGHTS), None, *seas, *_numbers(numbers), *(None,) * 3))
+
+    title = f"{scored.scenario.name}: motion left against what it takes"
+    failed = {entry: scored.failed(entry) for entry in entries}
+
+    def draw(figure: Any) -> None:
+        draw_fronts(figure, title, entries, failed, swept, measures, names)
+
+    designs = " and ".join(swept)
+    return Picture(
+        kind="fronts",
+        name=f"fronts-{scored.scenario.name}",
+        caption=(
+            f"{scored.scenario.name}: standard deviation of payload heave against "
+            f"{' and '.join(MEASURES[measure][0] for measure in measures)}. Lines: {designs} over their "
+            "weights (small dots: every choice tried; ring: the tuned one). Bars and bands: 95 % intervals "
+            f"of the mean over {scored.n_seas} seas and trainings; all share the seas {scored.first_seed} to "
+            f"{scored.first_seed + scored.n_seas - 1}, so that differences are surer than the bars say."
+        ),
+        draw=draw,
+        size=size_of(measures),
+        columns=COLUMNS,
+        rows=rows,
+        about={"scenario": scored.scenario.name, "first_seed": scored.first_seed, "n_seeds": scored.n_seas},
+    )
+
+
+def _numbers(numbers: dict[str, Any]) -> list[float | None]:
+    found: list[float | None] = []
+    for metric in (STD, *MEASURES):
+        number = numbers.get(metric)
+        found += [None] * 3 if number is None else [number.value, number.low, number.high]
+    return found
+
+
+def league_picture(
+    title: str, entries: dict[str, dict[str, Any]], names: Sequence[str]
+) -> tuple[str, str] | None:
+    """What the page of a league shows of a scenario: everybody as a point, and no front.
+
+    Args:
+        title: Name of the scenario.
+        entries: By contestant, its quantities as the leaderboard's file has them.
+        names: Everybody, in the order that gives them colours.
+
+    Returns:
+        The SVG's text and what it shows, or None where there are no points.
+    """
+    metrics = (STD, *MEASURES)
+    numbers = {
+        name: {metric: Quantity(**found[metric]) if metric in found else None for metric in metrics}
+        for name, found in entries.items()
+    }
+    failed = {
+        name: int(sum(found[end]["value"] for end in ("diverged", "lost") if end in found))
+        for name, found in entries.items()
+    }
+    measures = [
+        measure for measure in MEASURES if sum(found[measure] is not None for found in numbers.values()) > 1
+    ]
+    if not measures or not any(found[STD] is not None for found in numbers.values()):
+        return None
+    shown = f"{title}: motion left against what it takes"
+    svg = figures.svg(
+        lambda figure: draw_fronts(figure, shown, numbers, failed, {}, measures, names), size_of(measures)
+    )
+    words = " and ".join(MEASURES[measure][0] for measure in measures)
+    return svg, (
+        f"{title}: standard deviation of payload heave against {words}, with 95 % intervals. All share the "
+        "seas, so that differences are surer than the bars say."
+    )
+
+
+def size_of(measures: Sequence[str]) -> tuple[float, float]:
+    """Size of a picture with a panel for each measure [in]."""
+    return 4.9 * len(measures) + (1.2 if len(measures) == 1 else 0.0), 4.5
+
+
+def draw_fronts(
+    figure: Any,
+    title: str,
+    entries: dict[str, dict[str, Any]],
+    failures: dict[str, int],
+    swept: dict[str, list[Choice]],
+    measures: Sequence[str],
+    names: Sequence[str],
+) -> None:
+    """Draws everybody as a point with its intervals, and the fronts of designs.
+
+    Args:
+        figure: What to draw on.
+        title: What stands above.
+        entries: By contestant and metric its number, None where there is none.
+        failures: By contestant the seas that failed.
+        swept: By design, its choices.
+        measures: What motion is held against, a panel for each.
+        names: Everybody, in the order that gives them colours.
+    """
+    colours, dashes = figures.colour_of(names), figures.dashes_of(names)
+    axes = figure.subplots(1, len(measures), squeeze=False, sharey=True)[0]
+    stds = [numbers[STD].value for numbers in entries.values() if numbers[STD] is not None]
+    for found in swept.values():
+        stds += [item.numbers[STD].value for item in front(found, measures[0])]
+    scale, unit = figures.metres(float(np.exp(np.mean(np.log(stds)))) if stds else 1.0)
+    jobs = []
+    for axis, measure in zip(axes, measures, strict=True):
+        words, factor, shown_unit = MEASURES[measure]
+        points: list[tuple[str, float, float, str]] = []
+        curves: list[Array] = []
+        for design, found in swept.items():
+            on = front(found, measure)
+            seen = [item for item in found if not item.failed and {STD, measure} <= set(item.numbers)]
+            axis.plot(
+                [factor * item.numbers[measure].value for item in seen],
+                [scale * item.numbers[STD].value for item in seen],
+                ls="",
+                marker=".",
+                ms=4,
+                color=colours[design],
+                alpha=0.45,
+                label=f"{design} swept",
+            )
+            if not on:
+                continue
+            x = np.array([factor * item.numbers[measure].value for item in on])
+            y = np.array(
+                [[scale * _end(item.numbers[STD], end) for item in on] for end in ("", "low", "high")]
+            )
+            axis.fill_between(x, y[1], y[2], color=colours[design], alpha=0.13, lw=0)
+            axis.plot(x, y[0], color=colours[design], ls=dashes[design], lw=1.8, label=f"{design} front")
+            curves.append(np.column_stack([x, y[0]]))
+            middle = len(on) // 2
+            points.append((f"{design}, all weights", float(x[middle]), float(y[0][middle]), colours[design]))
+            for item in found:
+                if item.tuned and item in seen:
+                    at = (factor * item.numbers[measure].value, scale * item.numbers[STD].value)
+                    axis.plot(*at, marker="o", ms=9, mfc="none", mec=colours[design], mew=1.4)
+        still = []
+        for entry, numbers in entries.items():
+            across, up = numbers[measure], numbers[STD]
+            if across is None or up is None:
+                continue
+            x, y = factor * across.value, scale * up.value
+            failed = failures[entry]
+            name = f"{entry} ({failed} failed)" if failed else entry
+            if across.value <= 0.0:
+                still.append((name, y, colours[entry]))
+                axis.axhline(y, color=colours[entry], lw=1.4, ls=(0, (4, 2)), label=entry)
+                continue
+            bars = {"xerr": _bar(across, factor), "yerr": _bar(up, scale)}
+            style = {"elinewidth": 1.0, "mec": "#ffffff", "mew": 0.8, "color": colours[entry], "zorder": 4}
+            axis.errorbar(x, y, fmt="o", ms=6.5, label=entry, **bars, **style)
+            points.append((name, x, y, colours[entry]))
+            reach = (bars["xerr"][0][0], bars["xerr"][1][0], bars["yerr"][0][0], bars["yerr"][1][0])
+            curves.append(np.array([[x - reach[0], y], [x + reach[1], y]]))
+            curves.append(np.array([[x, y - reach[2]], [x, y + reach[3]]]))
+        _scale(axis, "x", *(factor * end for end in _ends(entries, swept, measure, measure)))
+        if axis is axes[0]:
+            _scale(axis, "y", *(scale * end for end in _ends(entries, swept, measure, STD)))
+        axis.set_xlabel(f"{words} [{shown_unit}]" if shown_unit != "-" else words)
+        jobs.append((axis, points, curves, still))
+    axes[0].set_ylabel(f"std of payload heave [{unit}]")
+    axes[0].set_title(title)
+    for axis, points, curves, still in jobs:
+        left = 1.02 * axis.get_xlim()[0]
+        named = [(name, left, height, colour) for name, height, colour in still]
+        lines = [np.array([[left, height], [axis.get_xlim()[1], height]]) for _, height, _ in still]
+        figures.name_points(axis, [*points, *named], [*curves, *lines])
+
+
+def _end(number: Quantity, end: str) -> float:
+    value = getattr(number, end) if end else number.value
+    return number.value if value is None else float(value)
+
+
+def _bar(number: Quantity, factor: float) -> list[list[float]]:
+    """Lengths of an error bar down and up."""
+    return [
+        [factor * (number.value - _end(number, "low"))],
+        [factor * (_end(number, "high") - number.value)],
+    ]
+
+
+def _ends(
+    entries: dict[str, dict[str, Any]], swept: dict[str, list[Choice]], measure: str, metric: str
+) -> tuple[float, float]:
+    """What an axis has to show: every entry, and the fronts from where they begin to fall."""
+    found: list[float] = []
+    for numbers in entries.values():
+        if numbers[measure] is not None and numbers[metric] is not None:
+            found += [_end(numbers[metric], end) for end in ("low", "", "high")]
+    for tried in swept.values():
+        on = front(tried, measure)
+        falling = [item for item in on if item.numbers[STD].value < 0.95 * on[0].numbers[STD].value]
+        found += [item.numbers[metric].value for item in falling]
+    return min((value for value in found if value > 0.0), default=0.0), max(found, default=1.0)
+
+
+def _scale(axis: Any, which: str, low: float, high: float) -> None:
+    """Logarithmic where the values span more than a few times, with room for names."""
+    if low > 0.0 and high > 4.0 * low:
+        getattr(axis, f"set_{which}scale")("log")
+        room = (high / low) ** 0.08
+        getattr(axis, f"set_{which}lim")(low / room, high * room**1.6)
+        figures.plain_ticks(axis, which)
+    else:
+        getattr(axis, f"set_{which}lim")(0.0, 1.12 * high)
