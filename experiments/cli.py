@@ -264,6 +264,9 @@ def parser() -> Parser:
         action="store_true",
         help="also the cost of who knows what each episode draws (uncertainty)",
     )
+    table.add_argument(
+        "--workers", type=_count, metavar="N", help="processes that run side by side (one for each processor)"
+    )
     _add_other(table)
     table.add_argument(
         "--out", required=True, metavar="DIR", help="folder for the results; it resumes what it holds"
@@ -965,6 +968,7 @@ def _league(options: argparse.Namespace) -> None:
             dtype=options.dtype,
             reference=options.reference,
             zoo=options.zoo,
+            workers=options.workers,
             allow_other_scenario=options.allow_other_scenario,
             clairvoyant=options.clairvoyant,
             oracle=options.oracle,

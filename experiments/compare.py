@@ -8,7 +8,7 @@ from __future__ import annotations
 import dataclasses
 import hashlib
 from collections.abc import Callable, Sequence
-from functools import partial
+from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
@@ -26,6 +26,7 @@ from experiments.metrics import (
     spectrum,
     window,
 )
+from experiments.processes import shared_out
 from experiments.results import (
     CLAIRVOYANT,
     Contest,
@@ -52,6 +53,10 @@ DECISIVE = ("heave_env", "baselines", "experiments/rollout.py", "experiments/met
 """Source that decides what a designed controller is found to do."""
 LIBRARIES = ("python", "numpy", "scipy", "numba")
 """Packages whose versions do."""
+SLOW = ("multi_model_mpc", "multi_model", "oracle_mpc", "oracle", "mpc_l1", "mpc")
+"""Those that take longest, the slowest first."""
+Progress = Callable[[str, int], None]
+"""Takes a label and a number of steps done since the last call."""
 CLAIRVOYANT_SEAS = 8
 """Seas of the clairvoyant yardstick that are worked out and kept at a time [-]."""
 
@@ -287,6 +292,188 @@ def play(
     )
 
 
+@dataclass(frozen=True, kw_only=True)
+class Part:
+    """What is run, and kept, as a whole: one controller or yardstick in seas of one scenario."""
+
+    scenario: Scenario
+    label: str
+    spec: str
+    sees: str
+    """Its information set."""
+    seeds: Sequence[int]
+    """One seed per sea."""
+    scored: Window
+    """The steps that count."""
+    dtype: str
+    """Precision of the plant."""
+    n_stored: int
+    """Seas whose time series are kept; with none, spectra are left out too."""
+    entry: Entry | None = None
+    """The controller; None of a yardstick."""
+    name: str
+    """What it is kept under."""
+
+    @property
+    def n_steps(self) -> int:
+        """Control steps of all its seas [-]."""
+        return len(self.seeds) * self.scenario.n_steps
+
+    def identity(self) -> dict[str, Any]:
+        """What must be the same for it to be taken as it was kept."""
+        return _identity(
+            self.scenario, self.spec, self.seeds, self.scored, self.dtype, self.sees, self.n_stored
+        )
+
+    def held(self, folder: Path) -> dict[str, Array] | None:
+        """What a folder holds of it, or None."""
+        return read_kept(kept_file(folder, self.scenario.name, self.name), self.identity())
+
+    def keep(self, folder: Path, arrays: dict[str, Array]) -> None:
+        """Keeps what it found.
+
+        Raises:
+            ValueError: If it cannot be written.
+        """
+        write_kept(kept_file(folder, self.scenario.name, self.name), self.identity(), arrays)
+
+    def outcome(self, progress: Progress | None = None) -> Outcome:
+        """Runs a controller."""
+        assert self.entry is not None
+
+        def report(count: int) -> None:
+            if progress is not None:
+                progress(self.label, count)
+
+        return play(
+            self.scenario,
+            self.entry,
+            self.seeds,
+            self.scored,
+            dtype=self.dtype,
+            n_stored=self.n_stored,
+            progress=report,
+        )
+
+    def run(self, progress: Progress | None = None) -> dict[str, Array]:
+        """Runs it; what there is to keep."""
+        if self.entry is not None:
+            return outcome_arrays(self.outcome(progress))
+        return {"cost": self._clairvoyant(progress) if self.label == CLAIRVOYANT else self._oracle(progress)}
+
+    def _clairvoyant(self, progress: Progress | None) -> Array:
+        from baselines.clairvoyant import clairvoyant_cost
+
+        costs = clairvoyant_cost(self.scenario, self.seeds, warm_up=self.scored.warm_up)
+        if progress is not None:
+            progress(self.label, self.n_steps)
+        return costs
+
+    def _oracle(self, progress: Progress | None) -> Array:
+        from baselines.oracle import oracle
+
+        def report(label: str, count: int) -> None:
+            if progress is not None:
+                progress(label, count)
+
+        costs = []
+        for batch in batches(self.scenario, self.seeds):
+            made = oracle(
+                self.scenario,
+                batch,
+                design=self.label,
+                progress=lambda count: report(f"{self.label} designs", count * self.scenario.n_steps),
+            )
+            entry = Entry(self.label, self.label, made, self.sees)
+            found = play(
+                self.scenario,
+                entry,
+                batch,
+                self.scored,
+                dtype=self.dtype,
+                n_stored=0,
+                progress=lambda count: report(self.label, count),
+            )
+            costs.append(found.values["cost"])
+        return np.concatenate(costs)
+
+
+def parts_of(
+    scenario: Scenario,
+    entries: Sequence[Entry],
+    seeds: Sequence[int],
+    *,
+    warm_up: float | None = None,
+    dtype: str = "float64",
+    clairvoyant: bool = False,
+    oracle: bool = False,
+    n_stored: int = N_STORED_SEAS,
+) -> list[Part]:
+    """What a contest is made of, in the order in which it is run; arguments are those of `run_contest`."""
+    scored = window(scenario.duration, scenario.control_dt, warm_up)
+
+    def part(label: str, spec: str, sees: str, **given: Any) -> Part:
+        given = {"seeds": seeds, "name": label} | given
+        return Part(
+            scenario=scenario,
+            label=label,
+            spec=spec,
+            sees=sees,
+            scored=scored,
+            dtype=dtype,
+            n_stored=n_stored,
+            **given,
+        )
+
+    locked = locked_among(entries, scenario)
+    found = [
+        part(entry.label, entry.spec, entry.information_set, entry=entry)
+        for entry in (locked, *(entry for entry in entries if entry is not locked))
+    ]
+    sees = scenario.information_set
+    found += [part(label, label, sees) for label in (oracle_labels(scenario) if oracle else ())]
+    for first in range(0, len(seeds), CLAIRVOYANT_SEAS) if clairvoyant else ():
+        among = seeds[first : first + CLAIRVOYANT_SEAS]
+        found.append(part(CLAIRVOYANT, CLAIRVOYANT, sees, seeds=among, name=f"{CLAIRVOYANT} {first}"))
+    return found
+
+
+def locked_among(entries: Sequence[Entry], scenario: Scenario) -> Entry:
+    """The entry that does nothing; a locked winch of its own where none was asked for."""
+    locked = next((entry for entry in entries if entry.spec == "none"), None)
+    return locked or Entry("locked winch", "none", NoControl(), scenario.information_set)
+
+
+def finish(
+    parts: Sequence[Part], folder: Path, workers: int, progress: Callable[[Part], None] | None = None
+) -> None:
+    """Runs in several processes what a folder does not hold yet, and keeps it there as it is finished.
+
+    What comes from a Python file is left to the process that has loaded it.
+
+    Args:
+        parts: What is wanted.
+        folder: Where it is kept.
+        workers: Processes; with one, nothing is done: the contest itself runs what is missing.
+        progress: Called with each part that is there.
+    """
+    if workers <= 1:
+        return
+    wanted = []
+    for part in parts:
+        if part.spec.startswith(FILE_PREFIX) or part.held(folder) is None:
+            wanted.append(part)
+        elif progress is not None:
+            progress(part)
+    # Who plans or refines takes longest: none of them should be begun last.
+    wanted = [part for part in wanted if not part.spec.startswith(FILE_PREFIX)]
+    wanted.sort(key=lambda part: SLOW.index(part.spec) if part.spec in SLOW else len(SLOW))
+    for part, arrays in shared_out(Part.run, wanted, workers):
+        part.keep(folder, arrays)
+        if progress is not None:
+            progress(part)
+
+
 def run_contest(
     scenario: Scenario,
     entries: Sequence[Entry],
@@ -298,7 +485,7 @@ def run_contest(
     oracle: bool = False,
     n_stored: int = N_STORED_SEAS,
     folder: Path | None = None,
-    progress: Callable[[str, int], None] | None = None,
+    progress: Progress | None = None,
 ) -> Contest:
     """Runs every controller in the same seas of a scenario and scores it.
 
@@ -319,97 +506,46 @@ def run_contest(
         Scores and the first seas in full (of a part that was kept, the stored channels).
     """
     from baselines.bound import causal_bound, optimal_cost
-    from baselines.clairvoyant import clairvoyant_cost
-    from baselines.oracle import oracle as make_oracle
 
-    part = window(scenario.duration, scenario.control_dt, warm_up)
-
-    def report(label: str, count: int) -> None:
-        if progress is not None:
-            progress(label, count)
-
-    def run(entry: Entry) -> Outcome:
-        return play(
-            scenario,
-            entry,
-            seeds,
-            part,
-            dtype=dtype,
-            n_stored=n_stored,
-            progress=lambda count: report(entry.label, count),
-        )
-
-    def kept(
-        label: str,
-        spec: str,
-        sees: str,
-        make: Callable[[], dict[str, Array]],
-        among: Sequence[int] = seeds,
-        part_name: str = "",
-    ) -> dict[str, Array]:
-        if folder is None:
-            return make()
-        path = kept_file(folder, scenario.name, label + part_name)
-        identity = _identity(scenario, spec, among, part, dtype, sees, n_stored)
-        arrays = read_kept(path, identity)
+    def kept(part: Part) -> dict[str, Array]:
+        arrays = None if folder is None else part.held(folder)
         if arrays is None:
-            arrays = make()
-            write_kept(path, identity, arrays)
-        else:
-            report(label, len(among) * scenario.n_steps)
+            arrays = part.run(progress)
+            if folder is not None:
+                part.keep(folder, arrays)
+        elif progress is not None:
+            progress(part.label, part.n_steps)
         return arrays
 
-    def outcome(entry: Entry) -> Outcome:
-        if folder is None:
-            return run(entry)
-        arrays = kept(entry.label, entry.spec, entry.information_set, lambda: outcome_arrays(run(entry)))
-        return outcome_of(arrays, entry, scenario.control_dt)
-
-    def oracle_costs(label: str) -> dict[str, Array]:
-        costs = []
-        for batch in batches(scenario, seeds):
-            made = make_oracle(
-                scenario,
-                batch,
-                design=label,
-                progress=lambda count: report(f"{label} designs", count * scenario.n_steps),
+    found: dict[str, Outcome] = {}
+    oracles: dict[str, Array] = {}
+    known: list[Array] = []
+    parts = parts_of(
+        scenario,
+        entries,
+        seeds,
+        warm_up=warm_up,
+        dtype=dtype,
+        clairvoyant=clairvoyant,
+        oracle=oracle,
+        n_stored=n_stored,
+    )
+    for part in parts:
+        if part.entry is not None:
+            found[part.label] = (
+                part.outcome(progress)
+                if folder is None
+                else outcome_of(kept(part), part.entry, scenario.control_dt)
             )
-            entry = Entry(label, label, made, scenario.information_set)
-            found = play(
-                scenario,
-                entry,
-                batch,
-                part,
-                dtype=dtype,
-                n_stored=0,
-                progress=lambda count: report(label, count),
-            )
-            costs.append(found.values["cost"])
-        return {"cost": np.concatenate(costs)}
-
-    def clairvoyant_costs(among: Sequence[int]) -> dict[str, Array]:
-        costs = clairvoyant_cost(scenario, among, warm_up=part.warm_up)
-        report(CLAIRVOYANT, len(among) * scenario.n_steps)
-        return {"cost": costs}
-
-    locked = next((entry for entry in entries if entry.spec == "none"), None)
-    locked = locked or Entry("locked winch", "none", NoControl(), scenario.information_set)
-    found = {item.label: outcome(item) for item in (locked, *(e for e in entries if e is not locked))}
-    free = found[locked.label].values["payload_heave_std"]
+        elif part.label == CLAIRVOYANT:
+            known.append(kept(part)["cost"])
+        else:
+            oracles[part.label] = kept(part)["cost"]
+    free = found[locked_among(entries, scenario).label].values["payload_heave_std"]
     optima = {
         sees: optimal_cost(dataclasses.replace(scenario, information_set=sees))
         for sees in {entry.information_set for entry in entries}
     }
-    sees = scenario.information_set
-    oracles = {}
-    for label in oracle_labels(scenario) if oracle else ():
-        make = partial(oracle_costs, label)
-        oracles[label] = kept(label, label, sees, make)["cost"]
-    known = []
-    for first in range(0, len(seeds), CLAIRVOYANT_SEAS) if clairvoyant else ():
-        among = seeds[first : first + CLAIRVOYANT_SEAS]
-        make = partial(clairvoyant_costs, among)
-        known.append(kept(CLAIRVOYANT, CLAIRVOYANT, sees, make, among, f" {first}")["cost"])
     outcomes = []
     for entry in entries:
         item = found[entry.label]
@@ -418,7 +554,7 @@ def run_contest(
             values["cost_over_oracle"] = values["cost"] / list(oracles.values())[-1]
         outcomes.append(dataclasses.replace(item, values=values, optimal_cost=optima[entry.information_set]))
     least = np.concatenate(known) if known else None
-    return Contest(scenario, part, outcomes, causal_bound(scenario), least, oracles)
+    return Contest(scenario, parts[0].scored, outcomes, causal_bound(scenario), least, oracles)
 
 
 def oracle_labels(scenario: Scenario) -> tuple[str, ...]:

@@ -21,6 +21,7 @@ from experiments.statistics import (
     bootstrap,
     improvement,
     mean,
+    mean_difference,
     mean_ratio,
     middle_mean,
     performance_profile,
@@ -32,12 +33,16 @@ NOMINAL = "nominal"
 """What the rows of a scenario as it is say for a variant."""
 POOLED = "*"
 """What rows say for a scenario or variant that are over several of them."""
-YARDSTICKS = ("lqg", "mpc", "multi_model_mpc")
+YARDSTICKS = ("lqg", "mpc", "mpc_l1", "multi_model", "multi_model_mpc")
 """Designs that every cost is also given over, where they take part."""
 OPTIMUM = "optimum"
 """What the proven optimum is called among the yardsticks."""
 SPREADS = ("median", "p95", "maximum")
 """What stands beside every mean."""
+DIFFERENCES = ("cost", "payload_heave_std")
+"""Metrics whose mean difference from the reference, sea by sea, is given."""
+FAILURES = ("diverged", "lost")
+"""Ways to end early that are none to wish for."""
 LEAST_SEAS = 10
 """Seas below which nobody is called the best: a bootstrap of fewer promises too much [-]."""
 PROFILE_ENDS = (0.01, 100.0)
@@ -66,6 +71,8 @@ class Result:
     """Mean time of an action, per sea of the batch [s]."""
     batch: int
     """Seas that it acted in at once [-]."""
+    decision_time_alone: float = math.nan
+    """Mean time of an action of its first training in a single sea [s]."""
 
     @property
     def cost(self) -> Array:
@@ -83,6 +90,7 @@ class Result:
             self.optimal_cost,
             self.decision_time,
             self.batch,
+            self.decision_time_alone,
         )
 
 
@@ -170,6 +178,9 @@ def quantities(cell: Cell, name: str, reference: str, result: Result | None = No
     found |= _spread("cost_ratio", paired, "-")
     if name != reference:
         found["probability_of_improvement"] = estimated(improvement, [[result.cost, against]])
+        for metric in DIFFERENCES:
+            pair = [result.values[metric], cell.results[reference].values[metric]]
+            found[f"{metric}_difference"] = estimated(mean_difference, [pair], METRICS[metric].unit)
     for metric, rows in result.values.items():
         if metric not in METRICS or metric == "cost_over_oracle":
             continue
@@ -186,7 +197,32 @@ def quantities(cell: Cell, name: str, reference: str, result: Result | None = No
         found["decision_time"] = Quantity(
             1e6 * result.decision_time, "µs", None, None, n_trainings, result.batch
         )
+    if math.isfinite(result.decision_time_alone):
+        found["decision_time_alone"] = Quantity(1e6 * result.decision_time_alone, "µs", None, None, 1, 1)
     return {key: item for key, item in found.items() if item is not None}
+
+
+def failures(cells: Sequence[Cell]) -> list[dict[str, Any]]:
+    """Who diverged or was lost, place by place and training by training: how many of how many seas."""
+    found = []
+    for cell in cells:
+        for name, result in cell.results.items():
+            for i, training in enumerate(result.trainings):
+                counts = {end: int(result.ends[end][i].sum()) for end in FAILURES}
+                if any(counts.values()):
+                    place = {"scenario": cell.scenario, "variant": cell.variant, "entry": name}
+                    n_seas = result.cost.shape[1]
+                    found.append(place | {"training": training} | counts | {"n_seas": n_seas})
+    return found
+
+
+def failure_text(item: Mapping[str, Any]) -> str:
+    """A line of `failures` in words: `mpc diverged in 3 of 256 seas of limits_linear@rougher`."""
+    place = item["scenario"] if item["variant"] == NOMINAL else f"{item['scenario']}@{item['variant']}"
+    who = f"{item['entry']} ({item['training']})" if item["training"] else item["entry"]
+    done = {"diverged": "diverged in {}", "lost": "lost the payload in {}"}
+    said = [words.format(item[end]) for end, words in done.items() if item[end]]
+    return f"{who} {' and '.join(said)} of {item['n_seas']} seas of {place}"
 
 
 def _spread(name: str, rows: Array, unit: str) -> dict[str, Quantity | None]:

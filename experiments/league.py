@@ -12,6 +12,7 @@ import glob
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import Any
 
@@ -20,6 +21,7 @@ import numpy as np
 from experiments import runs
 from experiments.compare import (
     AGENT_PREFIX,
+    FILE_PREFIX,
     ZOO_PREFIX,
     check_contest,
     check_specs,
@@ -27,8 +29,10 @@ from experiments.compare import (
     controller_names,
     default_reference,
     entry_of,
+    finish,
     is_agent,
     labels_of,
+    parts_of,
     protocol_duration,
     run_contest,
     trainings_of,
@@ -40,6 +44,8 @@ from experiments.leaderboard import (
     Quantity,
     Result,
     best,
+    failure_text,
+    failures,
     pooled,
     profiles,
     quantities,
@@ -47,6 +53,7 @@ from experiments.leaderboard import (
 )
 from experiments.league_page import SUMMARY_FILE, write_page
 from experiments.metrics import CONFIDENCE, METRICS, window
+from experiments.processes import shared_out, worker_count
 from experiments.results import Contest, Entry, Outcome
 from experiments.rollout import FIRST_TEST_SEED, with_duration
 from experiments.statistics import N_RESAMPLES
@@ -224,6 +231,39 @@ class Field:
     """By contestant, why it does not act there."""
 
 
+FAMILY = ("lqg", "gain_scheduled", "time_varying_lq", "mpc", "mpc_l1", "multi_model", "multi_model_mpc")
+"""Designs whose weights are found from one another's: one process makes them all."""
+
+
+@dataclass(frozen=True)
+class Designs:
+    """Controllers that one process designs or loads for a scenario."""
+
+    scenario: Scenario
+    labels: dict[str, str]
+    """Label of each, by what was asked for."""
+    allow_other_scenario: bool = False
+
+    def made(self) -> dict[str, Entry | ValueError]:
+        """Each controller, or why it does not fit."""
+        found: dict[str, Entry | ValueError] = {}
+        for spec, label in self.labels.items():
+            try:
+                found[spec] = entry_of(
+                    label, spec, self.scenario, allow_other_scenario=self.allow_other_scenario
+                )
+            except ValueError as error:
+                found[spec] = ValueError(str(error))
+        return found
+
+
+def _together(specs: Sequence[str]) -> list[list[str]]:
+    """Specs in groups that are best designed by one process each; files are left out."""
+    family = [spec for spec in specs if spec in FAMILY]
+    others = [spec for spec in specs if spec not in FAMILY and not spec.startswith(FILE_PREFIX)]
+    return [group for group in (family, others) if group]
+
+
 def fields(
     scenarios: Sequence[Scenario],
     teams: Sequence[Contestant],
@@ -232,9 +272,10 @@ def fields(
     duration: float | None,
     warm_up: float | None,
     allow_other_scenario: bool = False,
+    workers: int = 1,
     progress: Callable[[str, str, int, int], None] | None = None,
 ) -> dict[str, Field]:
-    """Designs and loads everybody for every scenario, before anybody acts.
+    """Designs and loads everybody for every scenario, before anybody acts; arguments are those of `league`.
 
     Raises:
         ValueError: If one that was asked for by name fits no scenario, some trainings of an agent fit and
@@ -242,22 +283,34 @@ def fields(
     """
     chosen = chosen_variants(scenarios, variants)
     labels = labels_of([spec for team in teams for spec in team.specs])
+    at_home = {
+        scenario.name: [team for team in teams if team.home in (None, scenario.design_basis.name)]
+        for scenario in scenarios
+    }
+    jobs = [
+        Designs(scenario, {spec: labels[spec] for spec in specs}, allow_other_scenario)
+        for scenario in scenarios
+        for specs in _together([spec for team in at_home[scenario.name] for spec in team.specs])
+    ]
+    designed: dict[tuple[str, str], Entry | ValueError] = {}
+    for job, answers in shared_out(Designs.made, jobs, workers):
+        designed |= {(job.scenario.name, spec): answer for spec, answer in answers.items()}
+        if progress is not None:
+            progress(job.scenario.name, "designs", len(answers), len(labels))
     found, refusals = {}, {}
     for scenario in scenarios:
         entries, left_out = {}, {}
-        for team in teams:
-            if team.home not in (None, scenario.design_basis.name):
-                continue
+        for team in at_home[scenario.name]:
             made, refused = [], []
             for spec in team.specs:
-                try:
-                    made.append(
-                        entry_of(labels[spec], spec, scenario, allow_other_scenario=allow_other_scenario)
-                    )
-                except ValueError as error:
-                    if spec.startswith("file:"):
-                        raise
-                    refused.append(error)
+                answer = designed.get((scenario.name, spec))
+                if spec.startswith(FILE_PREFIX):  # its code lives in the process that has loaded it
+                    answer = entry_of(labels[spec], spec, scenario)
+                assert answer is not None
+                if isinstance(answer, Entry):
+                    made.append(answer)
+                else:
+                    refused.append(answer)
             if made and refused:
                 raise ValueError(f"of contestant {team.name!r} not every training fits: {refused[0]}")
             if made:
@@ -265,8 +318,6 @@ def fields(
             else:
                 left_out[team.name] = " ".join(str(refused[0]).split())
                 refusals[team.name] = refused[0]
-            if progress is not None:
-                progress(scenario.name, "designs", 1, len(teams))
         usual = protocol_duration(scenario) if duration is None else duration
         places = [with_duration(place, usual) for place in chosen[scenario.name]]
         window(places[0].duration, places[0].control_dt, warm_up)
@@ -304,6 +355,31 @@ def cell_of(
             batch=first.batch,
         )
     return Cell(scenario, place.name.removeprefix(scenario).removeprefix("@") or NOMINAL, contest, results)
+
+
+def alone(cell: Cell, field: Field, seeds: range, folder: Path, **asked: Any) -> Cell:
+    """The cell of a scenario as it is with the time that everybody's decision takes in a single sea.
+
+    In a batch a decision's fixed expense is shared by all seas; on a vessel there is one. It is measured when
+    nothing else is running.
+    """
+    if cell.variant != NOMINAL:
+        return cell
+    first = [entries[0] for entries in field.entries.values()]
+    times = {}
+    for part in parts_of(field.places[0], first, seeds[:1], **asked):
+        if part.entry is not None:
+            single = dataclasses.replace(part, name=f"{part.name} alone")
+            arrays = single.held(folder)
+            if arrays is None:
+                arrays = single.run()
+                single.keep(folder, arrays)
+            times[part.label] = float(arrays["decision_time"])
+    results = {
+        name: dataclasses.replace(result, decision_time_alone=times[field.entries[name][0].label])
+        for name, result in cell.results.items()
+    }
+    return dataclasses.replace(cell, results=results)
 
 
 def _training(outcome: Outcome) -> str:
@@ -426,6 +502,7 @@ def league(
     allow_other_scenario: bool = False,
     clairvoyant: bool = False,
     oracle: bool = False,
+    workers: int | None = 1,
     arguments: list[str] | None = None,
     progress: Callable[[str, str, int, int], None] | None = None,
 ) -> Path:
@@ -445,6 +522,7 @@ def league(
         allow_other_scenario: Whether an agent may act in a scenario it was not trained for.
         clairvoyant: Whether the yardstick that knows each sea beforehand is worked out, where it can be.
         oracle: Whether the yardstick that knows what each episode draws runs, where anything is drawn.
+        workers: Processes that design and act side by side; None: one for each processor.
         arguments: Command line of the provenance; None: the process's own.
         progress: Called with scenario, label, steps done since the last call and steps in all.
 
@@ -473,6 +551,7 @@ def league(
         duration=duration,
         warm_up=warm_up,
         allow_other_scenario=allow_other_scenario,
+        workers=worker_count(workers),
         progress=progress,
     )
     for name, field in field_of.items():
@@ -482,27 +561,50 @@ def league(
                 "another with --reference"
             )
 
+    def report(place: Scenario, label: str, count: int) -> None:
+        if progress is not None:
+            progress(place.name, label, count, place.n_steps * n_seeds)
+
+    def asked_of(place: Scenario) -> dict[str, Any]:
+        return {
+            "warm_up": warm_up,
+            "dtype": dtype,
+            "clairvoyant": clairvoyant and place.is_linear,
+            "oracle": oracle and bool(place.uncertainty),
+            "n_stored": 0,
+        }
+
+    def everybody(field: Field) -> list[Entry]:
+        return [entry for entries in field.entries.values() for entry in entries]
+
+    beforehand = [
+        part
+        for field in field_of.values()
+        for place in field.places
+        for part in parts_of(place, everybody(field), seeds, **asked_of(place))
+    ]
+    finish(
+        beforehand,
+        folder,
+        worker_count(workers),
+        lambda part: report(part.scenario, part.label, part.n_steps),
+    )
     cells = []
     for name, field in field_of.items():
         for place in field.places:
-
-            def report(label: str, count: int, place: Scenario = place) -> None:
-                if progress is not None:
-                    progress(place.name, label, count, place.n_steps * n_seeds)
-
             contest = run_contest(
                 place,
-                [entry for entries in field.entries.values() for entry in entries],
+                everybody(field),
                 seeds,
-                warm_up=warm_up,
-                dtype=dtype,
-                clairvoyant=clairvoyant and place.is_linear,
-                oracle=oracle and bool(place.uncertainty),
-                n_stored=0,
+                **asked_of(place),
                 folder=folder,
-                progress=report,
+                progress=partial(report, place) if worker_count(workers) == 1 else None,
             )
             cells.append(cell_of(name, place, field.entries, contest))
+    cells = [
+        alone(cell, field_of[cell.scenario], seeds, folder, **asked_of(cell.contest.scenario))
+        for cell in cells
+    ]
     told = standings(cells, chosen)
     common = {
         "reference": chosen,
@@ -512,6 +614,7 @@ def league(
         "provenance": provenance(arguments),
     }
     summary = common | {
+        "failures": failures(cells),
         "interval": f"{100.0 * CONFIDENCE:.0f} % intervals over seas and trainings, percentile bootstrap of "
         f"{N_RESAMPLES} resamples",
         "scenarios": {
@@ -576,10 +679,13 @@ def printed(summary: dict[str, Any]) -> list[str]:
             if number["low"] is not None:
                 interval = f" ({number['low']:.3f} to {number['high']:.3f})"
             middle = entry["quantities"].get("cost_ratio_median", {"value": float("nan")})["value"]
-            failed = sum(entry["quantities"][end]["value"] for end in ("diverged", "lost"))
+            ends = {end: entry["quantities"][end] for end in ("diverged", "lost")}
+            failed = [f"{found['value']} {end}" for end, found in ends.items() if found["value"]]
             badge = ", best" if name == item["best"] else ""
-            failures = f", {failed} seas failed" if failed else ""
-            lines.append(f"  {name}: {number['value']:.3f}{interval}, median {middle:.3f}{failures}{badge}")
+            n_seas = ends["lost"]["n_seas"] * ends["lost"]["n_trainings"]
+            told = f", {' and '.join(failed)} of {n_seas} seas" if failed else ""
+            lines.append(f"  {name}: {number['value']:.3f}{interval}, median {middle:.3f}{told}{badge}")
     for name, about in summary["scenarios"].items():
         lines += [f"{name}: without {who}: {why}" for who, why in about["left_out"].items()]
+    lines += [failure_text(item) for item in summary["failures"]] or ["nobody diverged or lost the payload"]
     return lines

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from experiments import figures, page, runs
-from experiments.leaderboard import NOMINAL, POOLED
+from experiments.leaderboard import NOMINAL, POOLED, failure_text
 from experiments.report import DASH, ended_early, significant
 
 PAGE_FILE = "leaderboard.html"
@@ -53,6 +53,7 @@ def cost_columns(told: dict[str, Any], reference: str) -> list[Column]:
             True,
         ),
     ]
+    columns.append((f"J − {reference}", "mean of the differences, sea by sea", "cost_difference", 1.0, True))
     yardsticks = sorted(key for key in found if key.startswith("cost_ratio_to_") and key != ratio)
     for key in yardsticks:
         name = key.removeprefix("cost_ratio_to_")
@@ -63,7 +64,7 @@ def cost_columns(told: dict[str, Any], reference: str) -> list[Column]:
     return [column for column in columns if column[2] in found]
 
 
-def load_columns(told: dict[str, Any]) -> list[Column]:
+def load_columns(told: dict[str, Any], reference: str) -> list[Column]:
     """Columns of motion and load, those that exist."""
     found = {key for entry in told["entries"].values() for key in entry["quantities"]}
     columns: list[Column] = [("payload std [mm]", "of heave, mean", "payload_heave_std", 1e3, True)]
@@ -71,6 +72,13 @@ def load_columns(told: dict[str, Any]) -> list[Column]:
         (text, "payload std [mm]", f"payload_heave_std_{key}", 1e3, False) for key, text in SPREAD_TEXT
     ]
     columns += [
+        (
+            f"payload std − {reference} [mm]",
+            "mean of the differences, sea by sea",
+            "payload_heave_std_difference",
+            1e3,
+            True,
+        ),
         (
             "std / bound",
             "payload std over what no causal controller can beat",
@@ -85,7 +93,10 @@ def load_columns(told: dict[str, Any]) -> list[Column]:
         ("peak tension [kN]", "anywhere along the cable, mean", "tension_peak", 1e-3, True),
         ("95 %", "peak tension [kN]", "tension_peak_p95", 1e-3, False),
         ("maximum", "peak tension [kN]", "tension_peak_maximum", 1e-3, False),
+        ("99.9 % tension [kN]", "that one step in 1000 exceeds, mean", "tension_p999", 1e-3, True),
+        ("maximum", "99.9 % tension [kN]", "tension_p999_maximum", 1e-3, False),
         ("µs per decision", "mean time of an action, per sea of the batch", "decision_time", 1.0, False),
+        ("alone", "µs per decision in a single sea", "decision_time_alone", 1.0, False),
     ]
     return [column for column in columns if column[2] in found]
 
@@ -206,7 +217,7 @@ def _section(told: dict[str, Any], reference: str, colours: dict[str, str], titl
     """Tables and picture of one scenario, variant, or of several together."""
     columns = cost_columns(told, reference)
     tables = [_table(told, "What it costs", columns, colours)]
-    loads = load_columns(told)
+    loads = load_columns(told, reference)
     if loads:
         tables.append(_table(told, "Motion, load and time", loads, colours))
     trainings = _every_training(told, columns, colours)
@@ -221,11 +232,20 @@ def _section(told: dict[str, Any], reference: str, colours: dict[str, str], titl
     }
 
 
-def page_text(summary: dict[str, Any]) -> str:
+def _motion(told: dict[str, Any], title: str, names: Sequence[str]) -> list[dict[str, str]]:
+    """Everybody's motion against what it took, where no picture with fronts lies in the folder."""
+    from experiments.pictures_fronts import league_picture
+
+    drawn = league_picture(title, {name: item["quantities"] for name, item in told["entries"].items()}, names)
+    return [] if drawn is None else [{"caption": drawn[1], "source": page.embedded(drawn[0])}]
+
+
+def page_text(summary: dict[str, Any], pictures: Sequence[dict[str, Any]] = ()) -> str:
     """The page as HTML text.
 
     Args:
         summary: What `leaderboard.json` holds.
+        pictures: What `heave pictures` has drawn of it (`experiments.pictures.stored`).
     """
     reference, standings = summary["reference"], summary["standings"]
     colours = figures.colour_of(sorted({name for item in standings for name in item["entries"]}))
@@ -235,7 +255,12 @@ def page_text(summary: dict[str, Any]) -> str:
             what = "scenarios as they are" if item["variant"] == NOMINAL else "variants of all scenarios"
             overall.append(_section(item, reference, colours, f"{item['n_cells']} {what}"))
     views = []
+    places = {
+        name: [item for item in pictures if str(item.get("scenario", "")).partition("@")[0] == name]
+        for name in summary["scenarios"]
+    }
     for name, about in summary["scenarios"].items():
+        drawn = [{"caption": item["caption"], "source": page.embedded(item["svg"])} for item in places[name]]
         own = [item for item in standings if item["scenario"] == name]
         (nominal,) = (item for item in own if item["variant"] == NOMINAL)
         variants = []
@@ -269,19 +294,29 @@ def page_text(summary: dict[str, Any]) -> str:
                 "nominal": _section(nominal, reference, colours, name),
                 "across": _across(standings, name, reference, colours),
                 "variants": variants,
+                "pictures": drawn
+                if any(item["picture"] == "fronts" for item in places[name])
+                else _motion(nominal, name, list(colours)) + drawn,
             }
         )
+    known = [item["name"] for several in places.values() for item in several]
     return page.render(
         "league.html.j2",
         {
             "views": views,
             "overall": overall,
+            "pictures": [
+                {"caption": item["caption"], "source": page.embedded(item["svg"])}
+                for item in pictures
+                if item["name"] not in known
+            ],
             "reference": reference,
             "n_seeds": summary["n_seeds"],
             "first_seed": summary["first_seed"],
             "last_seed": summary["first_seed"] + summary["n_seeds"] - 1,
             "dtype": summary["dtype"],
             "interval": summary["interval"],
+            "failures": [failure_text(item) for item in summary["failures"]],
             "made": summary["provenance"],
         },
     )
@@ -293,9 +328,11 @@ def write_page(folder: str | Path) -> Path:
     Raises:
         ValueError: If the folder holds no leaderboard, or one that is broken.
     """
+    from experiments.pictures import stored
+
     summary = runs.read_json(Path(folder) / SUMMARY_FILE)
     try:
-        text = page_text(summary)
+        text = page_text(summary, stored(folder))
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise ValueError(
             f"the leaderboard in {str(folder)!r} is incomplete ({error}); run heave league again"

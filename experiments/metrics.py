@@ -59,6 +59,7 @@ METRICS: dict[str, Metric] = {
     "supply_energy": Metric("kWh", "energy drawn from the supply less what returns to it", cable=True),
     "winch_power_peak": Metric("W", "largest mean mechanical power of a control step", cable=True),
     "tension_peak": Metric("N", "largest tension anywhere along the cable", cable=True),
+    "tension_p999": Metric("N", "tension anywhere along the cable that one step in 1000 exceeds", cable=True),
     "tension_min": Metric("N", "smallest tension anywhere along the cable", cable=True),
     "slack_fraction": Metric("-", "share of steps in which the tension fell to zero somewhere", cable=True),
     "touch_down_speed": Metric(
@@ -190,6 +191,7 @@ def scores(trajectory: Trajectory, part: Window, locked: Trajectory | None = Non
             ),
             "winch_power_peak": np.maximum(_largest(power), 0.0),
             "tension_peak": _largest(_masked(trajectory.steps["tension_max"][steps], valid)),
+            "tension_p999": _quantile(_masked(trajectory.steps["tension_max"][steps], valid), 0.999),
             "tension_min": -_largest(-_masked(trajectory.steps["tension_min"][steps], valid)),
             "slack_fraction": _mean(_masked(trajectory.steps["slack"][steps], valid)),
             "touch_down_speed": touch_down_speed(trajectory),
@@ -276,6 +278,13 @@ def _std(values: Array) -> Array:
 def _largest(values: Array) -> Array:
     largest = np.fmax.reduce(values, axis=0)
     return np.asarray(largest)
+
+
+def _quantile(values: Array, share: float) -> Array:
+    found = np.full(values.shape[1], np.nan)
+    scored = np.isfinite(values).any(axis=0)
+    found[scored] = np.nanquantile(values[:, scored], share, axis=0)
+    return found
 
 
 def _ratio(part: Array, whole: Array) -> Array:

@@ -24,6 +24,7 @@ from pathlib import Path
 from typing import Any
 
 from experiments import runs
+from experiments.processes import ONE_THREAD
 from experiments.sweep_file import OPTION, Cell, Sweep, cells_of, check_search, read_sweep
 from experiments.validate import source_hash
 from heave_env.provenance import provenance
@@ -50,7 +51,6 @@ RETRIES = 10
 _GRACE = 60.0  # seconds that trainings have to save their state after Ctrl-C
 _HAND_OVER = 120.0  # seconds to wait for a dying process to let go of its run folder
 _OBJECT_STORE = 80 * 2**20  # bytes; Ray's least is 75 MiB, and what passes through it is a few kilobytes
-_ONE_THREAD = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "NUMBA_NUM_THREADS")
 
 FINISHED, DIVERGED, FAILED, INTERRUPTED = "finished", "diverged", "failed", "interrupted"
 
@@ -512,7 +512,7 @@ def _ray(address: str | None, workers: int | None) -> Iterator[Any]:
         # Sockets lie below this folder, and their paths may have 107 characters at most.
         place = "/tmp" if os.path.isdir("/tmp") else None
         temporary = tempfile.mkdtemp(prefix="heave-", dir=place)
-        inherited = dict.fromkeys(_ONE_THREAD, "1") | {"PYTHONPATH": _python_path()}
+        inherited = dict.fromkeys(ONE_THREAD, "1") | {"PYTHONPATH": _python_path()}
         try:
             with _environment(inherited):
                 ray.init(

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import csv
 import json
+import multiprocessing
+import os
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -16,7 +18,8 @@ from agents.policy import Architecture, TrainedPolicy, policy_card, save_policy
 from experiments import cli, league_page, report, runs
 from experiments.compare import controller_of
 from experiments.leaderboard import LEAST_SEAS, best, ranked, ratios
-from experiments.league import chosen_variants, contestants, league
+from experiments.league import chosen_variants, contestants, league, printed
+from experiments.processes import ONE_THREAD, shared_out
 from experiments.report import significant
 from experiments.rollout import FIRST_TEST_SEED, rollout
 from heave_env.scenarios import load
@@ -34,6 +37,12 @@ def controller(scenario):
     assert scenario.name and not scenario.nominal
     return Lifted()
 """
+
+WILD = MINE.replace(
+    "return np.full((len(observation), 1), 0.01), None",
+    "n = 0 if state is None else state\n"
+    "        return np.full((len(observation), 1), 1.0 if n % 20 < 10 else -1.0), n + 1",
+)
 
 
 def rows_of(path: Path) -> list[dict[str, str]]:
@@ -146,7 +155,19 @@ def test_the_leaderboard_is_made_of_the_episodes(rows, costs):
     alone = number(rows, name, "nominal", "ppo", "cost_ratio_to_lqg", "ppo_1")
     assert alone == pytest.approx(ppo[1].mean() / lqg.mean())
     assert number(rows, name, "nominal", "lqg", "cost_ratio_to_lqg") == 1.0
-    assert number(rows, name, "nominal", "lqg", "decision_time") > 0.0
+    for quantity, expected in (
+        ("cost_difference", ppo.mean() - lqg.mean()),
+        ("decision_time_alone", None),
+        ("decision_time", None),
+    ):
+        found = number(rows, name, "nominal", "ppo", quantity)
+        assert found > 0.0 if expected is None else found == pytest.approx(expected), quantity
+    low, high = (
+        number(rows, name, "nominal", "ppo", "cost_difference", column=column) for column in ("low", "high")
+    )
+    assert low < ppo.mean() - lqg.mean() < high
+    assert not any(row["quantity"] == "cost_difference" for row in rows if row["entry"] == "lqg")
+    assert not any(row["quantity"] == "decision_time_alone" for row in rows if row["variant"] == "rougher")
 
 
 def test_yardsticks_stand_where_there_are_any(folder, rows):
@@ -185,6 +206,34 @@ def test_the_json_says_the_same_as_the_table(folder, rows):
     run = json.loads((folder / "run.json").read_text(encoding="utf-8"))
     assert run["kind"] == "league"
     assert [len(item["content"]) for item in run["contestants"]] == [1, 1, 1, 2]
+
+
+def test_who_diverges_is_named(capsys, tmp_path):
+    """A command that ends in the strokes' full range breaks a cable that is weak enough."""
+    from heave_env.scenarios import with_values
+
+    (tmp_path / "wild.py").write_text(WILD, encoding="utf-8")
+    weak = with_values(load("thesis_cable"), {"cable.breaking_strength": 4e5})
+    given = GIVEN | {"variants": "nominal", "n_seeds": 3}
+    asked = ["none", f"wild=file:{tmp_path}/wild.py"]
+    out = league([weak], asked, out=tmp_path / "out", reference="none", **given)
+    summary = json.loads((out / "leaderboard.json").read_text(encoding="utf-8"))
+    with (out / "episodes.csv").open(newline="", encoding="utf-8") as file:
+        lost = [row for row in csv.DictReader(file) if "1" in (row["diverged"], row["lost"])]
+    assert {row["entry"] for row in lost} == {"wild"} and len(lost) == 3
+    (item,) = summary["failures"]
+    assert (item["entry"], item["diverged"] + item["lost"], item["n_seas"]) == ("wild", 3, 3)
+    said = "wild lost the payload in 3 of 3 seas of thesis_cable"
+    assert said in printed(summary)
+    assert any(line.startswith("  wild: ") and ", 3 lost of 3 seas" in line for line in printed(summary))
+    assert said in (out / "leaderboard.html").read_text(encoding="utf-8")
+
+
+def test_nobody_is_blamed_without_reason(folder):
+    summary = json.loads((folder / "leaderboard.json").read_text(encoding="utf-8"))
+    assert summary["failures"] == []
+    assert printed(summary)[-1] == "nobody diverged or lost the payload"
+    assert "Nobody diverged or lost the payload" in (folder / "leaderboard.html").read_text(encoding="utf-8")
 
 
 # The page ----------------------------------------------------------------------------------------
@@ -319,7 +368,7 @@ def test_an_interrupted_league_goes_on_where_it_was(folder, asked, tmp_path, mon
     acted = []
 
     def noted(scenario, controller, seeds, **options):
-        acted.append(scenario.name)
+        acted.extend([scenario.name] * (len(seeds) > 1))  # alone in a sea its decisions are timed
         return rollout(scenario, controller, seeds, **options)
 
     monkeypatch.setattr("experiments.compare.rollout", noted)
@@ -328,7 +377,7 @@ def test_an_interrupted_league_goes_on_where_it_was(folder, asked, tmp_path, mon
     assert acted.count("thesis_linear") == 0 and acted.count("thesis_linear@rougher") == 4
     assert (out / "episodes.csv").read_bytes() == (folder / "episodes.csv").read_bytes()
     tables = [
-        [row for row in rows_of(path / "leaderboard.csv") if row["quantity"] != "decision_time"]
+        [row for row in rows_of(path / "leaderboard.csv") if not row["quantity"].startswith("decision_time")]
         for path in (out, folder)
     ]
     assert tables[0] == tables[1]
@@ -337,13 +386,59 @@ def test_an_interrupted_league_goes_on_where_it_was(folder, asked, tmp_path, mon
     assert all((out / name).read_bytes() == content for name, content in files.items())
 
 
+@pytest.mark.parametrize(
+    ("scenario", "asked", "options"),
+    [
+        ("thesis_linear", ["lqg"], {}),
+        pytest.param("unknown_linear", ["none", "lqg"], {"oracle": True}, marks=pytest.mark.slow),
+        pytest.param(
+            "thesis_linear", ["none", "ppo=agent:RUN"], {"reference": "none"}, marks=pytest.mark.slow
+        ),
+    ],
+)
+def test_two_processes_find_what_one_does(players, tmp_path, monkeypatch, scenario, asked, options):
+    """Designs, agents and the oracle go to the workers; a Python file stays where it was loaded."""
+    here, told = [], []
+    asked = [spec.replace("RUN", f"{players}/ppo_*") for spec in asked] + [f"mine=file:{players}/mine.py"]
+    given = dict(n_seeds=2, duration=20.0, variants="nominal", arguments=["league"]) | options
+    chosen = [load(scenario)]
+    alone = league(chosen, asked, out=tmp_path / "alone", **given)
+
+    def noted(scenario, controller, seeds, **options):
+        here.extend([controller.name] * (len(seeds) > 1))
+        return rollout(scenario, controller, seeds, **options)
+
+    monkeypatch.setattr("experiments.compare.rollout", noted)
+    given["progress"] = lambda *what: told.append(what[1])
+    out = league(chosen, asked, out=tmp_path / "out", workers=2, **given)
+    assert here == ["lifted"]
+    assert set(told) >= {"designs", *(["oracle", "lqg"] if "oracle" in options else [])}
+    assert (out / "episodes.csv").read_bytes() == (alone / "episodes.csv").read_bytes()
+
+
+def test_what_a_worker_raises_ends_the_work():
+    done = []
+    with pytest.raises(ValueError, match="invalid literal"):
+        for job, result in shared_out(int, ["1", "2", "x", "3"], 2):
+            done.append((job, result))
+    assert set(done) <= {("1", 1), ("2", 2), ("3", 3)}
+    assert not multiprocessing.active_children()
+    assert dict(shared_out(int, ["1", "2"], 2)) == {"1": 1, "2": 2} == dict(shared_out(int, ["1", "2"], 1))
+
+
+def test_workers_are_kept_to_one_thread(monkeypatch):
+    monkeypatch.setenv("OMP_NUM_THREADS", "7")
+    assert dict(shared_out(os.getenv, list(ONE_THREAD), 2)) == dict.fromkeys(ONE_THREAD, "1")
+    assert os.environ["OMP_NUM_THREADS"] == "7"
+
+
 def test_a_changed_policy_or_file_runs_again(players, tmp_path, monkeypatch):
     mine = tmp_path / "mine.py"
     mine.write_text(MINE, encoding="utf-8")
     acted = []
 
     def noted(scenario, controller, seeds, **options):
-        acted.append(controller.name)
+        acted.extend([controller.name] * (len(seeds) > 1))
         return rollout(scenario, controller, seeds, **options)
 
     monkeypatch.setattr("experiments.compare.rollout", noted)
@@ -507,7 +602,8 @@ def test_the_documented_submission_acts(tmp_path):
 
 
 def test_the_command_prints_the_standing_and_refuses_in_a_sentence(capsys, tmp_path, players):
-    common = ["--seeds", "2", "--duration", "20", "--variants", "nominal", "--out", str(tmp_path / "out")]
+    common = ["--seeds", "2", "--duration", "20", "--variants", "nominal", "--workers", "1"]
+    common += ["--out", str(tmp_path / "out")]
     assert cli.main(["league", "thesis_linear", "--controllers", "none,lqg", *common]) == 0
     out = capsys.readouterr().out
     assert "thesis_linear: J / lqg, lowest first\n  lqg: 1.000" in out
@@ -527,7 +623,7 @@ def test_an_interruption_says_that_it_goes_on(capsys, tmp_path, monkeypatch):
         raise KeyboardInterrupt
 
     monkeypatch.setattr("experiments.league.run_contest", interrupt)
-    given = ["--controllers", "none", "--seeds", "2", "--out", str(tmp_path / "out")]
+    given = ["--controllers", "none", "--seeds", "2", "--workers", "1", "--out", str(tmp_path / "out")]
     assert cli.main(["league", "thesis_linear", *given]) == 130
     assert "the same command goes on from there" in capsys.readouterr().err
     assert runs.LEAGUE == "league" and not (tmp_path / "out").exists()
