@@ -4,7 +4,13 @@ A guide is a controller with a Kalman filter. At every control instant it looks 
 gives an estimate of the plant's state and the command that it would give itself; then it is told which
 command was really given, and carries its estimate on with that. In the mode `residual` the agent's action, a
 share `reach` of the command range, is added to the guide's command; in the mode `estimate` the agent's action
-is the command.
+is the command; in the mode `rate` it is the drum's rate, a share `reach` of the fastest, at the end of the
+control step in which the command arrives.
+
+A rate forgives an agent's errors where a command does not: behind a lag of 1/s and an acceleration limit of
+0.25 m/s^2 a command that is 2.5 cm off is a control step's whole acceleration. The guide of that mode is a
+predictive controller, of which only the estimator, the state at the arrival of the command and the inverted
+winch are used, and the closed form of its plan without limits; there is no search.
 """
 
 from __future__ import annotations
@@ -20,10 +26,11 @@ from baselines import DESIGNERS, design
 from baselines.estimator import Estimator
 from baselines.kalman import KalmanFilter
 from baselines.linear_controller import LinearController
+from baselines.mpc import PredictiveController
 from baselines.tuning import needs_tuning, tuned_weights
 from heave_env.scenarios import Scenario
 
-MODES = ("residual", "estimate")
+MODES = ("residual", "estimate", "rate")
 """What an agent's action means beside a guide."""
 
 Array = np.ndarray
@@ -37,13 +44,15 @@ class Look:
     """What a guide makes of a measurement, row by row."""
 
     command: Array
-    """The command that it would give itself [m], (n_rows, 1)."""
+    """The command that it would give itself [m], (n_rows, 1); in the mode `rate`, without limits."""
     features: Array
     """What the agent sees of its estimate, (n_rows, n_features), float32, in SI units."""
     estimate: Array
     """The whole estimate, (n_rows, n_states)."""
     rate: Array
     """The drum's rate beside a winch with limits [m/s], (n_rows,)."""
+    arrival: Array | None = None
+    """In the mode `rate`, the state when the command now given arrives, (n_rows, n_states of the plan)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +64,8 @@ class Guide:
     mode: str
     """One of `MODES`."""
     reach: float
-    """Share of the command range that an action of one adds to the guide's command [-]."""
+    """Share of the command range that an action of one adds to the guide's command, or of the fastest rate
+    that it means [-]."""
     card: Mapping[str, Any]
     """What `guide_from_card` makes the same guide of."""
 
@@ -65,6 +75,18 @@ class Guide:
         return self.filter.filter if isinstance(self.filter, Estimator) else self.filter
 
     @property
+    def predictive(self) -> PredictiveController:
+        """The predictive controller of the mode `rate`."""
+        assert isinstance(self.controller, PredictiveController)
+        return self.controller
+
+    @property
+    def fastest(self) -> float:
+        """Rate that an action of one means in the mode `rate` [m/s]."""
+        winch = self.predictive.estimator.winch
+        return self.reach * min(winch.speed_limit, winch.rate_constant * winch.command_range)
+
+    @property
     def n_memory(self) -> int:
         """Numbers that it remembers from step to step [-]."""
         return self.controller.n_memory
@@ -72,6 +94,12 @@ class Guide:
     @property
     def feature_names(self) -> tuple[str, ...]:
         """What the agent sees of the guide: estimated states, the drum's rate, the guide's own command."""
+        if self.mode == "rate":
+            sea = self.kalman.model.states[3 + self.predictive.estimator.winch.n_pending :]
+            states = ("payload_heave", "payload_heave_rate", "winch_displacement", "winch_rate")
+            n_sea = self.predictive.plan.slope.shape[1] - 4
+            coming = (f"{name}_at_arrival" for name in (*states, *sea[:n_sea]))
+            return (*coming, "guide_rate")
         rate = ("winch_rate_estimate",) if isinstance(self.filter, Estimator) else ()
         states = (f"{name}_estimate" for name in self.kalman.model.states)
         return (*states, *rate, "guide_command")
@@ -84,6 +112,8 @@ class Guide:
             memory: (n_rows, n_memory); zeros where an episode begins.
         """
         guide = self.controller
+        if self.mode == "rate":
+            return self._look_ahead(observation, memory)
         y = observation[:, guide.columns].astype(float) * guide.scale + guide.offset
         if isinstance(self.filter, Estimator):
             estimate, rate = self.filter.corrected(memory, y)
@@ -95,12 +125,38 @@ class Guide:
         features = np.hstack([estimate, extra, command]).astype(np.float32)
         return Look(command, features, estimate, rate)
 
+    def _look_ahead(self, observation: Array, memory: Array) -> Look:
+        guide = self.predictive
+        y = observation[:, guide.columns].astype(float) * guide.scale + guide.offset
+        measured, tension = guide.estimator.parted(y)
+        estimate, rate = guide.estimator.corrected(memory, measured)
+        state = guide.at_arrival(estimate, rate, tension)
+        free = guide.unlimited(state)[:, 0]
+        features = np.column_stack([state, free]).astype(np.float32)
+        return Look(guide.command_for_rate(state, free), features, estimate, rate, state)
+
     def command(self, look: Look, action: Array) -> Array:
         """The command that is given [m], (n_rows, 1), for actions (n_rows, 1)."""
         most = self.controller.command_range
+        if self.mode == "rate":
+            assert look.arrival is not None
+            rate = np.clip(action[:, 0], -1.0, 1.0) * self.fastest
+            return self.predictive.command_for_rate(look.arrival, rate)
         if self.mode == "residual":
             return np.asarray(np.clip(look.command + self.reach * most * action, -most, most))
         return np.asarray(np.clip(action, -1.0, 1.0) * most)
+
+    def action(self, look: Look, command: Array) -> Array:
+        """The action that gives a command (n_rows, 1) [m], or does the same to the drum, (n_rows, 1)."""
+        most = self.controller.command_range
+        if self.mode == "rate":
+            assert look.arrival is not None
+            action = self.predictive.rate_for_command(look.arrival, command)[:, None] / self.fastest
+        elif self.mode == "residual":
+            action = (command - look.command) / (self.reach * most)
+        else:
+            action = command / most
+        return np.clip(action, -1.0, 1.0)
 
     def advance(self, memory: Array, look: Look, command: Array) -> Array:
         """Next memory after the command that was given [m], (n_rows, 1)."""
@@ -144,6 +200,10 @@ def _guide(card: Mapping[str, Any], scenario: Scenario) -> Guide:
     # A weight of its own tells a design that it is not to be tuned again.
     controller = DESIGNERS[name](scenario.design_basis, **options) if options else design(name, scenario)
     found = getattr(controller, "estimator", None)
+    if mode == "rate" and not isinstance(controller, PredictiveController):
+        raise ValueError(
+            f"guide_mode 'rate' needs a predictive controller as guide, got {name!r}: choose mpc"
+        )
     if not isinstance(found, (KalmanFilter, Estimator)):
         raise ValueError(
             f"guide {name!r} has no Kalman filter whose estimate an agent could see in scenario "

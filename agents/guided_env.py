@@ -48,15 +48,15 @@ class GuidedVecEnv(VecEnvWrapper):
         return self._command
 
     @property
-    def own_share(self) -> Array:
-        """The guide's own command as a share of the command range, (n_envs, 1)."""
-        assert self._look is not None
-        return self._look.command / self.guide.controller.command_range
-
-    @property
     def own_action(self) -> Array:
         """The action with which the agent would do as the guide, (n_envs, 1)."""
-        return np.zeros((self.num_envs, 1)) if self.guide.mode == "residual" else self.own_share
+        assert self._look is not None
+        return self.guide.action(self._look, self._look.command)
+
+    def action_for(self, command: Array) -> Array:
+        """The action that gives a command (n_envs, 1) [m], or does the same to the drum, (n_envs, 1)."""
+        assert self._look is not None
+        return self.guide.action(self._look, command)
 
     def _seen(self, observation: Array) -> Array:
         self._look = self.guide.look(observation, self._memory)

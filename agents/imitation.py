@@ -1,9 +1,10 @@
 """Imitation of a designed controller as a starting point: what a plan costs to make, a network costs little.
 
-The agent's network is fitted to the teacher's commands by least squares, on what the agent itself sees where the
-agent itself goes: round by round it drives the plant, the teacher, who has a filter of its own and is told what
-was commanded, says what it would have done, and all that was gathered so far is fitted again. (A network that
-has only seen the teacher's own way does not know what to do beside it.)
+The agent's network is fitted to the teacher's commands by least squares, on what the agent itself sees where
+the agent itself goes: round by round it drives the plant, the teacher, who has a filter of its own and is
+told what was commanded, says what it would have done, and all that was gathered so far is fitted again. (A
+network that has only seen the teacher's own way does not know what to do beside it.) What an action at the
+end of what has an effect misses in the harmless direction does not count.
 
 Source: Ross, Gordon and Bagnell (2011), DAgger.
 """
@@ -21,17 +22,21 @@ from agents.guided_env import GuidedVecEnv, command_given, surroundings
 from agents.networks import actor_mean
 from heave_env.scenarios import Scenario
 
-N_ROWS = 128
+N_ROWS = 256
 """Seas driven side by side [-]."""
-N_ROUNDS = 6
+N_ROUNDS = 8
 """Rounds; the teacher itself drives the first [-]."""
-ROUND_STEPS = 300
+ROUND_STEPS = 400
 """Control steps of a round [-]."""
 SETTLING = 100
 """Control steps from the start of an episode that are not learned from [-]."""
-N_EPOCHS = 12
-"""Passes over everything gathered so far, after each round; twice as many after the last [-]."""
+N_EPOCHS = 5
+"""Passes over everything gathered so far, after each round [-]."""
+LAST_EPOCHS = 25
+"""Likewise after the last round [-]."""
 BATCH = 2048
+AT_LIMIT = 1e-6
+"""Actions this close to the least or the most that have an effect count as that [-]."""
 LEARNING_RATE = 2e-3
 
 
@@ -54,13 +59,13 @@ def imitate(
         teacher: Who is imitated.
         guide: The designed controller beside the agent, if there is one.
         privileged: Whether the truth stands behind the observation, for the critic.
-        excitation: Deviation of the white noise on the action while data are gathered [command range].
+        excitation: Deviation of the white noise on the action while data are gathered [-].
         first_sea: Seed of the first of the seas, training seas.
         seed: Of the order in which data are shown.
 
     Returns:
-        The share of the teacher's mean square action that the fit leaves, on the data of the last round before
-        they were learned from [-].
+        The share of the teacher's mean square action that the fit leaves, on the data of the last round
+        before they were learned from [-].
     """
     _, env = surroundings(scenario, N_ROWS, guide, privileged=privileged)
     n_raw = len(scenario.observation_names)
@@ -70,6 +75,7 @@ def imitate(
     seen = np.asarray(env.reset())
     memory = np.zeros((N_ROWS, teacher.n_memory))
     reach = teacher.controller.command_range
+    ends = np.full((N_ROWS, 1), reach)
     observations: list[np.ndarray] = []
     targets: list[np.ndarray] = []
     left = float("nan")
@@ -77,39 +83,35 @@ def imitate(
         fresh: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
         for step in range(ROUND_STEPS):
             look = teacher.look(seen[:, :n_raw], memory)
-            target = _action(env, look.command / reach)
+            target = _action(env, look.command, reach)
             if turn > 0 or step >= SETTLING:
+                least, most = _action(env, -ends, reach), _action(env, ends, reach)
                 fresh[0].append(seen.copy())
-                fresh[1].append(target[:, 0].copy())
+                fresh[1].append(np.hstack([target, target <= least + AT_LIMIT, target >= most - AT_LIMIT]))
             action = target if turn == 0 else _mean(model, seen)
             noise = excitation * rng.standard_normal((N_ROWS, 1))
-            env.step_async(np.clip(action + _action_of_noise(env, noise), -1.0, 1.0))
+            env.step_async(np.clip(action + noise, -1.0, 1.0))
             command = command_given(env, reach)
-            seen = np.asarray(env.step_wait()[0])
+            seen, _, done, _ = env.step_wait()
+            seen = np.asarray(seen)
             memory = teacher.advance(memory, look, command)
+            memory[done] = 0.0
         gathered, wanted = np.concatenate(fresh[0]), np.concatenate(fresh[1])
         if turn == N_ROUNDS - 1:
-            missed = _mean(model, gathered)[:, 0] - wanted
-            left = float(np.mean(missed**2) / max(float(np.mean(wanted**2)), 1e-30))
+            missed = _missed(torch.as_tensor(_mean(model, gathered)[:, 0]), torch.as_tensor(wanted))
+            left = float(torch.mean(missed**2)) / max(float(np.mean(wanted[:, 0] ** 2)), 1e-30)
         observations.append(gathered)
         targets.append(wanted)
-        epochs = N_EPOCHS * (2 if turn == N_ROUNDS - 1 else 1)
+        epochs = LAST_EPOCHS if turn == N_ROUNDS - 1 else N_EPOCHS
         _fit(model, np.concatenate(observations), np.concatenate(targets), epochs, generator)
     env.close()
     return left
 
 
-def _action(env: Any, share: np.ndarray) -> np.ndarray:
-    """The action that gives a command, a share of the command range, (n_rows, 1)."""
+def _action(env: Any, command: np.ndarray, reach: float) -> np.ndarray:
+    """The action that gives a command [m], or does the same to the drum, (n_rows, 1)."""
     guided = _guided(env)
-    if guided is None or guided.guide.mode == "estimate":
-        return np.clip(share, -1.0, 1.0)
-    return np.clip((share - guided.own_share) / guided.guide.reach, -1.0, 1.0)
-
-
-def _action_of_noise(env: Any, noise: np.ndarray) -> np.ndarray:
-    guided = _guided(env)
-    return noise if guided is None or guided.guide.mode == "estimate" else noise / guided.guide.reach
+    return np.clip(command / reach, -1.0, 1.0) if guided is None else guided.action_for(command)
 
 
 def _guided(env: Any) -> GuidedVecEnv | None:
@@ -126,12 +128,20 @@ def _mean(model: BaseAlgorithm, seen: np.ndarray) -> np.ndarray:
     return np.clip(mean.numpy().astype(float), -1.0, 1.0)
 
 
+def _missed(action: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
+    """How far actions (n,) miss what is wanted, (n, 3): an action, and whether it is the least, the most that
+    has an effect: there more of it is the same."""
+    off = action - wanted[:, 0]
+    off = torch.where(wanted[:, 1] > 0.5, off.clamp(min=0.0), off)
+    return torch.where(wanted[:, 2] > 0.5, off.clamp(max=0.0), off)
+
+
 def _fit(
     model: BaseAlgorithm, seen: np.ndarray, targets: np.ndarray, n_epochs: int, generator: torch.Generator
 ) -> None:
     x = torch.as_tensor(seen, dtype=torch.float32)
-    y = torch.as_tensor(targets, dtype=torch.float32)[:, None]
-    size = float(y.std()) + 1e-6
+    y = torch.as_tensor(targets, dtype=torch.float32)
+    size = float(y[:, 0].std()) + 1e-6
     parameters = [weight for weight in model.policy.parameters() if weight.requires_grad]
     optimiser = torch.optim.Adam(parameters, lr=LEARNING_RATE)
     n_batches = max(1, len(x) // BATCH)
@@ -140,7 +150,7 @@ def _fit(
         order = torch.randperm(len(x), generator=generator)
         for rows in order.chunk(n_batches):
             optimiser.zero_grad()
-            loss = torch.mean((actor_mean(model, x[rows]) - y[rows]) ** 2) / size**2
+            loss = torch.mean(_missed(actor_mean(model, x[rows])[:, 0], y[rows]) ** 2) / size**2
             loss.backward()
             optimiser.step()
             schedule.step()

@@ -20,7 +20,7 @@ from heave_env.sensors import INFORMATION_SETS
 
 ALGORITHMS = ("ppo", "recurrent_ppo", "sac", "td3", "tqc")
 """Algorithms that have presets."""
-KINDS = ("residual", "estimate")
+KINDS = ("residual", "estimate", "rate")
 """Kinds of agent beside that from sensors; their presets, as `ppo_residual.yaml`, go on the algorithm's."""
 PRESET_FOLDER = Path(__file__).parent / "presets"
 """Where the presets lie, a YAML file per algorithm."""
@@ -50,10 +50,11 @@ class Preset:
     """Designed controller with a Kalman filter whose estimate the agent sees beside its observation; null:
     none."""
     guide_mode: str = "residual"
-    """What the agent's action is beside a guide: `residual`, added to the guide's command, or `estimate`, the
-    command."""
+    """What the agent's action is beside a guide: `residual`, added to the guide's command, `estimate`, the
+    command, or `rate`, the drum's rate when the command arrives (`agents.guide`)."""
     guide_reach: float = 0.1
-    """Share of the command range that a residual action of one adds [-]."""
+    """Share of the command range that a residual action of one adds, or of the fastest rate that it means
+    [-]."""
     privileged_critic: bool = False
     """Whether the critic sees the plant's true state and parameters, PPO alone; the actor never does."""
     logarithmic_reward: bool = False
@@ -79,8 +80,11 @@ class Preset:
     gamma: float
     """Discount per control step [-]."""
     critic_first: int = 0
-    """Environment steps in which the actor stands still while the critic learns, SAC and TD3 alone [-]: an
-    untrained critic would undo a warm start."""
+    """Environment steps in which the actor stands still while the critic learns [-]: an untrained critic would
+    undo a warm start."""
+    critic_epochs: int = 1
+    """Times as many epochs as later that PPO's critic goes through each rollout while the actor stands still
+    [-]."""
     reward_horizon: float = 500.0
     """Steps of the batch over which the reward's running mean and scale forget [-]."""
     reward_bound: float = 2.0
@@ -116,6 +120,7 @@ class Preset:
             "evaluation_seas",
             "checkpoint_every",
             "log_every",
+            "critic_epochs",
         )
         for field in counts:
             require_integer(self, field, minimum=1)

@@ -33,7 +33,6 @@ from stable_baselines3.common.callbacks import BaseCallback
 from stable_baselines3.common.logger import Logger
 from stable_baselines3.common.noise import NormalActionNoise
 from stable_baselines3.common.off_policy_algorithm import OffPolicyAlgorithm
-from stable_baselines3.common.on_policy_algorithm import OnPolicyAlgorithm
 from stable_baselines3.common.vec_env import VecEnvWrapper
 
 from agents import checkpoint, networks
@@ -43,12 +42,9 @@ from agents.imitation import imitate
 from agents.policy import TrainedPolicy, policy_card, save_policy
 from agents.presets import Preset, load_preset
 from agents.run_folder import (
-    CARD_FILE,
     CurveFile,
     Run,
-    card_of,
     interrupt_flag,
-    now,
     sole_user,
     tensorboard,
 )
@@ -67,7 +63,8 @@ FIRST_VALIDATION_SEED = 10_000_000
 FIRST_CARD_SEED = 10_100_000
 """The validation seas of a run's card have seeds from here: nothing was chosen in them."""
 _LARGEST_WEIGHT = 1e9  # beyond it single precision is no longer worth the name
-_SAVE_SHARE = 0.05  # of the wall time may go into saving the state
+SAVE_SHARE = 0.05
+"""Of the wall time that may go into saving the state [-]."""
 _LOG = logging.getLogger(__name__)
 
 
@@ -271,6 +268,8 @@ def widened_groundwork(
             action = guided.own_action  # type: ignore[union-attr]
             # A residual is a share of its reach.
             noise /= guide.reach if guide.mode == "residual" else 1.0
+            if guide.mode == "rate":
+                noise = wander = 0.9 * wander + noise
         elif controller is not None:
             action, memory = controller.predict(seen[:, :n_raw], memory)
         else:
@@ -284,13 +283,17 @@ def widened_groundwork(
     env.close()
     gathered, given = np.concatenate(observations), np.concatenate(actions)
     size = np.maximum(np.sqrt(np.mean(gathered**2, axis=0)), 1e-9)
-    scaled = gathered[:, :n_actor] / size[:n_actor]
+    # A predictive controller's estimate holds all that the measurements tell; beside it they are noise.
+    first = n_raw if guide is not None and guide.mode == "rate" else 0
+    scaled = gathered[:, first:n_actor] / size[first:n_actor]
     variance, axes = np.linalg.eigh(scaled.T @ scaled / len(scaled))
     floor = 1e-6 * float(variance[-1])
     transform = np.diag(1.0 / size)
-    transform[:n_actor, :n_actor] = (axes / np.sqrt(np.maximum(variance, floor))).T / size[:n_actor]
+    transform[:n_actor] = 0.0
+    transform[first:n_actor, first:n_actor] = (axes / np.sqrt(np.maximum(variance, floor))).T
+    transform[first:n_actor] /= size
     gain: np.ndarray = np.zeros(n_actor)
-    if settings.warm_start and (controller is not None or (guide is not None and guide.mode == "estimate")):
+    if settings.warm_start and (controller is not None or (guide is not None and guide.mode != "residual")):
         components = gathered[:, :n_actor] @ transform[:n_actor, :n_actor].T
         ridge = 1e-6 * len(components) * np.eye(n_actor)
         gain = np.linalg.solve(components.T @ components + ridge, components.T @ given)
@@ -594,6 +597,7 @@ class _Supervisor(BaseCallback):
         self.evaluations: list[dict[str, float]] = []
         self.best: TrainedPolicy | None = None
         self.last = {"log": 0, "evaluation": 0, "checkpoint": 0, "refresh": 0}
+        self.n_epochs = getattr(model, "n_epochs", 1)
         self.wall = 0.0  # seconds of the sessions before this one
         self.began = self.saved_at = time.monotonic()
         self.pause = training.save_every
@@ -737,9 +741,11 @@ class _Supervisor(BaseCallback):
         write_atomic(self.folder / "evaluations.csv", text.getvalue().encode())
 
     def _hold_actor(self, step: int) -> None:
-        """Lets the critic of SAC and TD3 learn alone at first."""
-        if not isinstance(self.model, OnPolicyAlgorithm):
-            self.model.policy.actor.requires_grad_(step >= self.settings.critic_first)
+        """Lets the critic learn alone at first."""
+        held = step < self.settings.critic_first
+        networks.hold_actor(self.model, held)
+        if isinstance(self.model, PPO):
+            self.model.n_epochs = self.n_epochs * (self.settings.critic_epochs if held else 1)
 
     def _refresh(self, step: int) -> None:
         elapsed = (step - self.last["refresh"]) // self.settings.n_envs
@@ -768,17 +774,13 @@ class _Supervisor(BaseCallback):
         path = self.folder / "checkpoints" / "policy-final.json"
         path.parent.mkdir(exist_ok=True)
         save_policy(path, self._policy(step))
-        best = min(self.evaluations, key=lambda row: row["cost_mean"])
         assert self.best is not None
-        settings, run = self.settings, self.training.run
-        seas: dict[str, Any] = {"n_seas": settings.evaluation_seas, "first_sea": FIRST_CARD_SEED}
-        seas["duration"] = min(settings.evaluation_duration, self.training.scenario.duration)
-        result = seas | validation(self.best, self.training.scenario, **seas)
-        facts = {"steps": step, "wall_s": round(self._wall(), 1), "finished": now()}
-        facts |= {"start": self.evaluations[0], "best": best, "result": result}
-        write_atomic(run.folder / CARD_FILE, card_of(run.content | facts).encode())
-        run.update(status="finished", **facts)
-        run.drop_state()
+        self.training.run.finish(
+            steps=step,
+            wall_s=round(self._wall(), 1),
+            evaluations=self.evaluations,
+            result=card_seas(self.best, self.training.scenario, self.settings),
+        )
 
     def close(self) -> None:
         """Ends the bar."""
@@ -820,7 +822,7 @@ class _Supervisor(BaseCallback):
         checkpoint.save_state(self.training.run.state_folder, arrays, content, step)
         self.training.run.update(steps=step, wall_s=round(self._wall(), 1))
         self.saved_at = time.monotonic()
-        self.pause = max(self.training.save_every, (self.saved_at - begin) / _SAVE_SHARE)
+        self.pause = max(self.training.save_every, (self.saved_at - begin) / SAVE_SHARE)
         if stop:
             raise _Interrupted
 
@@ -899,3 +901,11 @@ def validation(
         "command_std": float(np.sqrt(np.mean(command / scored))),
         "failed": float(failed.sum()),
     }
+
+
+def card_seas(policy: TrainedPolicy, scenario: Scenario, settings: Preset) -> dict[str, float]:
+    """How the policy that a training kept does on validation seas that chose nothing, for the run's card."""
+    duration = min(settings.evaluation_duration, scenario.duration)
+    n_seas, first_sea = settings.evaluation_seas, FIRST_CARD_SEED
+    found = validation(policy, scenario, n_seas=n_seas, duration=duration, first_sea=first_sea)
+    return {"n_seas": n_seas, "first_sea": first_sea, "duration": duration, **found}

@@ -152,20 +152,46 @@ class PredictiveController(LinearController):
         assert self.estimator is not None and self.plan is not None
         measured, tension = self.estimator.parted(y)
         estimate, rate = self.estimator.corrected(memory, measured)
-        state = self._at_arrival(estimate, rate, tension)
+        state = self.at_arrival(estimate, rate, tension)
         winch = self.estimator.winch
         capability = winch.capability(tension) if winch.feels_tension else None
         rates = self.planned(state, capability)
-        u, v, first = state[:, 2], state[:, 3], rates[:, 0]
-        if self.plan.ramps:
-            # Before a stop the drum is told to the step how to brake.
-            if capability is None and not winch.parameters.is_second_order and math.isinf(winch.stroke_limit):
-                first = self._end_of_full_acceleration(v, rates)
-            command = winch.command_for_rate(u, v, first, tension)
-        else:
-            command = winch.command_for_displacement(u, u + winch.control_dt * first, tension)
-        command = winch.shaped(u, v, command, tension)[:, None]
+        first = rates[:, 0]
+        # Before a stop the drum is told to the step how to brake.
+        unbraked = capability is None and math.isinf(winch.stroke_limit)
+        if self.plan.ramps and unbraked and not winch.parameters.is_second_order:
+            first = self._end_of_full_acceleration(state[:, 3], rates)
+        command = self.command_for_rate(state, first, tension)
         return command, self.estimator.advanced(memory, estimate, rate, command, tension)
+
+    def command_for_rate(self, state: Array, rate: Array, tension: Array | None = None) -> Array:
+        """Command with which the drum does as planned over the control step in which it arrives [m].
+
+        Args:
+            state: At the arrival of the command, (n_envs, n_states of the plan).
+            rate: Of the drum at the end of that step, or over it where the plan keeps still between its knots
+                [m/s], (n_envs,).
+            tension: At the sheave [N], (n_envs,); that of the cable hanging still if not given.
+
+        Returns:
+            (n_envs, 1).
+        """
+        assert self.estimator is not None and self.plan is not None
+        winch, u, v = self.estimator.winch, state[:, 2], state[:, 3]
+        if self.plan.ramps:
+            command = winch.command_for_rate(u, v, rate, tension)
+        else:
+            command = winch.command_for_displacement(u, u + winch.control_dt * rate, tension)
+        return np.asarray(winch.shaped(u, v, command, tension))[:, None]
+
+    def rate_for_command(self, state: Array, command: Array, tension: Array | None = None) -> Array:
+        """What a command (n_envs, 1) makes of the drum's rate, as `command_for_rate` means it [m/s]."""
+        assert self.estimator is not None and self.plan is not None
+        winch, u = self.estimator.winch, state[:, 2]
+        end, rate, _ = winch.path(
+            u, state[:, 3], command, first=winch.n_delayed, count=winch.n_substeps, tension=tension
+        )
+        return rate if self.plan.ramps else (end - u) / winch.control_dt
 
     def _end_of_full_acceleration(self, v: Array, rates: Array) -> Array:
         """Rate at which the plan's acceleration leaves its limit, within the first knots [m/s], (n_envs,).
@@ -180,7 +206,7 @@ class PredictiveController(LinearController):
         run = np.cumprod(full & (np.sign(gained) == np.sign(gained[:, :1])), axis=1).sum(axis=1)
         return np.asarray(rates[np.arange(len(rates)), np.maximum(run, 1) - 1])
 
-    def _at_arrival(self, estimate: Array, rate: Array, tension: Array | None) -> Array:
+    def at_arrival(self, estimate: Array, rate: Array, tension: Array | None) -> Array:
         """State when the command now given arrives at the winch, (n_envs, n_states of the plan)."""
         assert self.estimator is not None and self.ahead is not None and self.arrival_forcing is not None
         u, v, path = self.estimator.at_arrival(estimate, rate, tension)
@@ -190,6 +216,10 @@ class PredictiveController(LinearController):
         carried = np.hstack([estimate[:, :2], estimate[:, sea : sea + n_sea]]) @ self.ahead.T
         payload = carried[:, :2] + path @ self.arrival_forcing
         return np.column_stack([payload, u, v, carried[:, 2:]])
+
+    def unlimited(self, state: Array) -> Array:
+        """Best rates at the knots if nothing were limited and work had no price [m/s], (n_envs, n_knots)."""
+        return np.asarray(state @ self._inverse.T)
 
     def planned(self, state: Array, capability: Capability | None = None) -> Array:
         """Best rates at the knots from states at the arrival of the command [m/s], (n_envs, n_knots).
@@ -206,7 +236,7 @@ class PredictiveController(LinearController):
             todo = np.ones(len(state), dtype=bool)
             rates = np.empty((len(state), plan.n_knots))
         else:
-            rates = state @ self._inverse.T
+            rates = self.unlimited(state)
             met = rates @ plan.rows.T + state @ plan.shift.T
             todo = ((met > bounds.upper) | (-met > bounds.lower)).any(axis=1)
             todo |= (np.abs(rates) > bounds.fastest).any(axis=1)

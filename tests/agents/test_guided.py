@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import json
 
 import numpy as np
@@ -11,12 +12,12 @@ pytest.importorskip("stable_baselines3")
 
 import torch
 
-from agents import networks
+from agents import imitation, networks
 from agents.guide import guide_from_card, make_guide
 from agents.guided_env import GuidedVecEnv, surroundings
 from agents.policy import load_policy, policy_card
 from agents.presets import load_preset
-from agents.train import build_model, train, widened_groundwork
+from agents.train import build_model, train, validation, widened_groundwork
 from agents.vec_env import ScaledReward
 from baselines import design
 from heave_env import scenarios
@@ -191,7 +192,9 @@ def test_a_guide_is_tuned_once_and_its_weights_are_kept():
     [
         ({"guide": "nobody"}, "guide must be a designed controller"),
         ({"guide": "pid"}, "has no Kalman filter"),
-        ({"guide_mode": "beside"}, "guide_mode must be one of residual, estimate"),
+        ({"guide_mode": "beside"}, "guide_mode must be one of residual, estimate, rate"),
+        ({"guide_mode": "rate"}, "guide_mode 'rate' needs a predictive controller as guide, got 'lqg'"),
+        ({"teacher": "nobody"}, "guide must be a designed controller"),
         ({"guide_reach": 0.0}, "guide_reach must be"),
     ],
 )
@@ -205,7 +208,148 @@ def test_only_ppo_has_a_privileged_critic():
         load_preset("sac", LINEAR, {"privileged_critic": True})
 
 
-@pytest.mark.parametrize("kind", ["residual", "estimate"])
-def test_the_presets_by_kind_are_complete(kind):
+@pytest.mark.parametrize(("kind", "guide"), [("residual", "lqg"), ("estimate", "lqg"), ("rate", "mpc")])
+def test_the_presets_by_kind_are_complete(kind, guide):
     settings = load_preset("ppo", LIMITS, kind)
-    assert settings.guide == "lqg" and settings.guide_mode == kind and settings.privileged_critic
+    assert settings.guide == guide and settings.guide_mode == kind and settings.privileged_critic
+    assert settings.teacher == ("mpc" if kind == "rate" else None)
+
+
+# The drum's rate as action -----------------------------------------------------------------------
+
+PLANNED = {"command_weight": 1.0, "speed_weight": 30.0, "mismatch": 1.0}
+"""What tuning finds for mpc on `limits_linear`."""
+
+
+def planner(mode, options=PLANNED):
+    return {"controller": "mpc", "options": options, "mode": mode, "reach": 1.0}
+
+
+@pytest.mark.parametrize(("scenario", "options"), [(LINEAR, {}), (LIMITS, PLANNED)])
+def test_the_rate_that_a_plan_asks_for_is_the_plan(scenario, options):
+    """Told the rates that the predictive controller's commands mean, the drum does as under these."""
+    guide, teacher = (guide_from_card(planner(mode, options), scenario) for mode in ("rate", "estimate"))
+    _, env = surroundings(scenario, 4, guide, privileged=False)
+    _, own = surroundings(scenario, 4, None, privileged=False)
+    assert isinstance(env, GuidedVecEnv)
+    env.seed(5)
+    own.seed(5)
+    seen, observation = np.asarray(env.reset()), own.reset()
+    memory, others = np.zeros((4, teacher.n_memory)), None
+    n = len(scenario.observation_names)
+    heave = []
+    for _ in range(150):
+        look = teacher.look(seen[:, :n], memory)
+        env.step_async(env.action_for(look.command))
+        action, others = teacher.controller.predict(observation, others)
+        own.step_async(action)
+        seen, observation = np.asarray(env.step_wait()[0]), own.step_wait()[0]
+        memory = teacher.advance(memory, look, env.command)
+        heave.append([env.venv.env.plant.channel("payload_heave"), own.env.plant.channel("payload_heave")])  # type: ignore[attr-defined]
+    told, alone = np.array(heave).swapaxes(0, 1)
+    # At its acceleration limit a plan asks for more than a step can give, the rate for just that.
+    assert np.std(told - alone) < 0.02 * np.std(alone)
+
+
+def test_without_limits_the_guides_own_rate_is_the_optimum():
+    guide = guide_from_card(planner("rate", {}), LINEAR)
+    _, env = surroundings(LINEAR, 4, guide, privileged=False)
+    _, own = surroundings(LINEAR, 4, None, privileged=False)
+    controller = design("mpc", LINEAR)
+    assert isinstance(env, GuidedVecEnv)
+    env.seed(7)
+    own.seed(7)
+    observation, memory = own.reset(), None
+    env.reset()
+    for _ in range(60):
+        env.step_async(env.own_action)
+        action, memory = controller.predict(observation, memory)
+        own.step_async(action)
+        seen, observation = np.asarray(env.step_wait()[0]), own.step_wait()[0]
+        np.testing.assert_allclose(seen[:, : observation.shape[1]], observation, atol=1e-4)
+
+
+def test_a_rate_survives_what_ruins_a_command():
+    """The same share of the range as noise costs more on the command of the weak winch than on its rate."""
+    costs = {}
+    for mode in ("estimate", "rate"):
+        guide, teacher = (guide_from_card(planner(one), LIMITS) for one in (mode, "estimate"))
+        batch, env = surroundings(LIMITS, 8, guide, privileged=False)
+        assert isinstance(env, GuidedVecEnv)
+        rng = np.random.default_rng(0)
+        env.seed(3)
+        seen = np.asarray(env.reset())
+        memory, cost = np.zeros((8, teacher.n_memory)), []
+        n = len(LIMITS.observation_names)
+        for step in range(600):
+            look = teacher.look(seen[:, :n], memory)
+            env.step_async(np.clip(env.action_for(look.command) + 0.02 * rng.standard_normal((8, 1)), -1, 1))
+            seen, reward, _, _ = env.step_wait()
+            seen = np.asarray(seen)
+            memory = teacher.advance(memory, look, env.command)
+            if step >= 200:
+                cost.append(-reward)
+        costs[mode] = float(np.mean(cost))
+        del batch
+    print(f"2 % of noise on the command {costs['estimate']:.2f}, on the rate {costs['rate']:.2f}")
+    assert costs["rate"] < 0.8 * costs["estimate"]
+
+
+def test_a_teacher_is_imitated(tmp_path, monkeypatch):
+    """A small network that began as nothing does nearly as its teacher, and training goes on from there."""
+    for name, value in (("N_ROWS", 32), ("N_ROUNDS", 3), ("ROUND_STEPS", 150), ("LAST_EPOCHS", 20)):
+        monkeypatch.setattr(imitation, name, value)
+    preset = guided(guide="mpc", guide_mode="rate", guide_reach=1.0, teacher="mpc", warm_start=False)
+    folder = train(LINEAR, out=tmp_path / "run", preset=preset, progress=False)
+    run = json.loads((folder / "run.json").read_text())
+    assert run["imitation"]["teacher"]["controller"] == "mpc" and run["imitation"]["left"] < 0.01
+    with (folder / "evaluations.csv").open() as file:
+        start = float(next(csv.DictReader(file))["cost_mean"])
+    policy = load_policy(folder, LINEAR)
+    best = validation(policy.guide.controller, policy.scenario, n_seas=8, duration=100.0)["cost_mean"]
+    nothing = LINEAR.uncontrolled_cost
+    assert start < best + 0.05 * (nothing - best)
+
+
+def test_the_actor_stands_still_while_the_critic_learns(tmp_path):
+    changes = {"total_steps": SMALL["ppo"]["total_steps"], "critic_first": SMALL["ppo"]["total_steps"] // 2}
+    settings = load_preset("ppo", LINEAR, {**guided(), **changes})
+    guide = guide_from_card(card(), LINEAR)
+    _, outer = surroundings(LINEAR, settings.n_envs, guide, privileged=True)
+    env = ScaledReward(outer, gamma=0.98)
+    model = build_model(settings, env, widened_groundwork(LINEAR, settings, guide, 0), seed=0)
+    env.seed(0)
+
+    def weights():
+        return {name: value.detach().clone() for name, value in model.policy.named_parameters()}
+
+    before = weights()
+    networks.hold_actor(model, True)
+    model.learn(settings.n_envs * settings.options["n_steps"])
+    held = weights()
+    networks.hold_actor(model, False)
+    model.learn(settings.n_envs * settings.options["n_steps"])
+    moved = weights()
+    actors = [name for name in before if "policy_net" in name or "action_net" in name or name == "log_std"]
+    critics = [name for name in before if "value_net" in name]
+    assert len(actors) >= 5 and len(critics) >= 4
+    assert all(torch.equal(before[name], held[name]) for name in actors)
+    assert not any(torch.equal(held[name], moved[name]) for name in actors)
+    assert not any(torch.equal(before[name], held[name]) for name in critics)
+
+
+@pytest.mark.slow
+def test_the_imitated_plan_costs_nearly_what_the_plan_costs(tmp_path):
+    """On `limits_linear`, where the tuned predictive controller costs six tenths of the tuned lqg."""
+    preset = {**load_preset("ppo", LIMITS, "rate").to_mapping(), "total_steps": 16_384}
+    preset.pop("algorithm")
+    folder = train(LIMITS, out=tmp_path / "run", preset=preset, progress=False)
+    with (folder / "evaluations.csv").open() as file:
+        start = float(next(csv.DictReader(file))["cost_mean"])
+    policy = load_policy(folder, LIMITS)
+    plan, lqg = (
+        validation(controller, policy.scenario, n_seas=32, duration=200.0)["cost_mean"]
+        for controller in (policy.guide.controller, design("lqg", policy.scenario))
+    )
+    print(f"imitation {start:.3f}, mpc {plan:.3f}, lqg {lqg:.3f}")
+    assert start < 1.12 * plan and start < 0.72 * lqg
