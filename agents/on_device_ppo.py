@@ -5,7 +5,7 @@
 Neither observations nor rewards leave the device. The recipe and the settings are those of `agents.train`
 (`agents/presets/ppo.yaml`): whitened observations, a linear skip, a warm start, centred and scaled rewards,
 a continuing task. The policy that is saved is one that `agents.policy.load_policy` and `heave compare` read.
-A training here takes minutes and does not resume: an interrupted one keeps its best policy and ends.
+An interrupted training goes on in the same folder; on the processor device, one thread, with the same bits.
 
 Source: Schulman et al. (2017), PPO; Schulman et al. (2016), generalised advantages.
 """
@@ -19,6 +19,7 @@ import dataclasses
 import io
 import json
 import math
+import shlex
 import sys
 import time
 from collections.abc import Mapping, Sequence
@@ -27,16 +28,27 @@ from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import torch
+from stable_baselines3.common.logger import Logger
 from torch import Tensor, nn
 
+from agents import checkpoint
 from agents.policy import Architecture, TrainedPolicy, policy_card, save_policy
 from agents.presets import Preset, load_preset
-from agents.train import TRAINING_SEEDS, Groundwork, TrainingFailure, groundwork, validation
+from agents.run_folder import CurveFile, Run, interrupt_flag, sole_user, tensorboard
+from agents.train import (
+    SAVE_SHARE,
+    Groundwork,
+    TrainingFailure,
+    card_seas,
+    first_training_sea,
+    groundwork,
+    validation,
+)
 from heave_env import scenarios
 from heave_env.files import write_atomic
 from heave_env.gpu.torch_env import HeaveTorchVectorEnv
-from heave_env.provenance import commit, versions
 from heave_env.scenarios import Scenario
 
 ENVS = {"cuda": 4096, "cpu": 256}
@@ -235,10 +247,7 @@ class OnDevicePpo:
             ground: Whitening and first policy; worked out if not given.
         """
         self.scenario, self.settings, self.seed = scenario, settings, seed
-        first_sea = seed * max(settings.n_envs, 1000)
-        if not 0 <= first_sea <= TRAINING_SEEDS - settings.n_envs:
-            most = TRAINING_SEEDS // max(settings.n_envs, 1000) - 1
-            raise ValueError(f"seed must be a whole number from 0 to {most}, got {seed!r}")
+        first_sea = first_training_sea(seed, settings.n_envs)
         self.env = HeaveTorchVectorEnv(scenario, settings.n_envs, device=device)
         self.device = torch.device(self.env.device)
         self.generator = torch.Generator(self.device).manual_seed(seed)
@@ -357,6 +366,42 @@ class OnDevicePpo:
         told = {"seed": self.seed, "steps": self.steps, "device": str(self.device), **facts}
         return self.agent.exported(policy_card(self.scenario, algorithm="ppo", training=told))
 
+    def get_state(self) -> checkpoint.Arrays:
+        """Everything that the training's future depends on, but for its settings."""
+        arrays = {f"env/{name}": np.asarray(value) for name, value in self.env.get_state().items()}
+        arrays |= {f"agent/{name}": _array(value) for name, value in self.agent.state_dict().items()}
+        for index, slots in self.optimiser.state_dict()["state"].items():
+            arrays |= {f"optimiser/{index}/{slot}": _array(value) for slot, value in slots.items()}
+        rewards = self.rewards
+        arrays |= {
+            f"rewards/{name}": _array(getattr(rewards, name)) for name in ("mean", "variance", "returns")
+        }
+        arrays["rewards/weight"] = np.array(rewards.weight)
+        arrays |= {"age": _array(self.age), "steps": np.array(self.steps)}
+        return arrays | {"random": _array(self.generator.get_state())}
+
+    def set_state(self, arrays: checkpoint.Arrays) -> None:
+        """Takes up what `get_state` gave a training of the same settings."""
+        self.env.set_state(checkpoint.under(arrays, "env/"))
+        self.observation = self.env.observation
+        state = checkpoint.under(arrays, "agent/")
+        self.agent.load_state_dict({name: torch.as_tensor(value) for name, value in state.items()})
+        slots: dict[int, dict[str, Tensor]] = {}
+        for name, value in checkpoint.under(arrays, "optimiser/").items():
+            index, slot = name.split("/")
+            slots.setdefault(int(index), {})[slot] = torch.as_tensor(value)
+        groups = self.optimiser.state_dict()["param_groups"]
+        self.optimiser.load_state_dict({"state": slots, "param_groups": groups})
+        for name in ("mean", "variance", "returns"):
+            setattr(self.rewards, name, torch.tensor(arrays[f"rewards/{name}"], device=self.device))
+        self.rewards.weight = float(arrays["rewards/weight"])
+        self.age, self.steps = torch.tensor(arrays["age"], device=self.device), int(arrays["steps"])
+        self.generator.set_state(torch.tensor(arrays["random"]))
+
+
+def _array(value: Tensor) -> np.ndarray:
+    return value.detach().cpu().numpy().copy()
+
 
 def train_on_device(
     scenario: str | Path | Scenario,
@@ -368,27 +413,32 @@ def train_on_device(
     preset: Mapping[str, Any] | str | Path | None = None,
     n_envs: int | None = None,
     progress: bool = True,
+    save_every: float = 20.0,
+    command: str | None = None,
 ) -> Path:
-    """Trains an agent on the device and keeps the policy that is best on validation seas.
+    """Trains an agent on the device, or goes on with a training that was interrupted.
 
     Args:
         scenario: Name, YAML file or scenario.
         device: "cuda", "cuda:1" and so on, or "cpu".
         seed: Of the weights, the exploration and the training seas.
         total_steps: Environment steps; if not given, as many updates as the preset makes.
-        out: Run folder, new or empty; `runs/SCENARIO-device-SEED` if not given.
+        out: Run folder; `runs/SCENARIO-device-SEED` if not given.
         preset: Settings on top of the preset of PPO, or a YAML file of them.
         n_envs: Environments; 4096 on a GPU and 256 on the processor if not given.
-        progress: Whether to draw a progress bar on stderr.
+        progress: Whether to draw a progress bar, and say what is skipped, on stderr.
+        save_every: Seconds between saves of the state to go on from.
+        command: Which command this is, for the run's card; None: a call of this function.
 
     Returns:
-        The run folder: `policy.json` and its weights, `evaluations.csv`, `run.json`.
+        The run folder, as `agents.train.train` leaves it: the policy that is best on validation seas, curves,
+        evaluations, card.
 
     Raises:
         ValueError: If an argument is impossible, the kernels do not know something in the scenario, or the
-            folder is not empty.
+            folder holds another training or is in use.
         TrainingFailure: If the weights stop being finite.
-        KeyboardInterrupt: When interrupted; the best policy so far lies in the folder.
+        KeyboardInterrupt: When interrupted, after the state has been saved.
     """
     chosen = scenarios.load(scenario)
     settings = _settings(chosen, preset, device, total_steps, n_envs)
@@ -398,12 +448,40 @@ def train_on_device(
         history_lags=settings.history_lags or chosen.history_lags,
     )
     folder = Path(out) if out is not None else Path("runs") / f"{chosen.name}-device-{seed}"
-    if folder.exists() and any(folder.iterdir()):
-        raise ValueError(f"{str(folder)!r} is not empty, and a training on the device does not resume: "
-                         "choose another folder")  # fmt: skip
-    training = OnDevicePpo(seen, settings, device=device, seed=seed)
-    folder.mkdir(parents=True, exist_ok=True)
-    _Record(folder, training, progress).go()
+    identity = {
+        "kind": "training on the device",
+        "device": device,
+        "algorithm": "ppo",
+        "seed": seed,
+        "scenario_name": seen.name,
+        "fingerprint": seen.fingerprint,
+        "scenario": scenarios.to_mapping(seen),
+        "preset": json.loads(json.dumps(settings.to_mapping())),
+    }
+    call = f"train_on_device({chosen.name!r}, device={device!r}, seed={seed}, preset={preset!r}, "
+    call += f"total_steps={settings.total_steps}, n_envs={settings.n_envs})"
+    new = not folder.exists()
+    try:
+        with sole_user(folder):
+            run = Run.opened(folder, identity, call if command is None else command)
+            if run.content["status"] == "finished":
+                run.drop_state()
+                if progress:
+                    print(f"{folder}: this training is finished already", file=sys.stderr)
+                return folder
+            state = run.state_folder
+            saved = checkpoint.load_state(state) if checkpoint.has_state(state) else None
+            ground = None
+            if saved is not None:  # the weights that are about to be restored hold it
+                n = len(seen.observation_names)
+                ground = Groundwork(np.eye(n), np.zeros(n))
+            training = OnDevicePpo(seen, settings, device=device, seed=seed, ground=ground)
+            _Record(run, training, progress, save_every).go(saved)
+    except BaseException:
+        if new and {path.name for path in folder.glob("*")} <= {".lock"}:  # settings that do not work
+            (folder / ".lock").unlink(missing_ok=True)
+            folder.rmdir()
+        raise
     return folder
 
 
@@ -415,49 +493,78 @@ def _settings(
     n_envs: int | None,
 ) -> Preset:
     settings = load_preset("ppo", scenario, preset)
+    for key in ("guide", "teacher", "privileged_critic", "logarithmic_reward"):
+        if getattr(settings, key):
+            raise ValueError(
+                f"preset key {key!r} is not for a training on the device: leave it out, or use heave train"
+            )
     n = ENVS["cuda" if device.startswith("cuda") else "cpu"] if n_envs is None else n_envs
     if total_steps is None:
         total_steps = settings.total_steps * n // settings.n_envs
     return dataclasses.replace(settings, n_envs=n, total_steps=total_steps)
 
 
+class _Interrupted(Exception):
+    """Raised between updates once the state has been saved."""
+
+
 class _Record:
     """The training's loop, and what it leaves in its folder."""
 
-    def __init__(self, folder: Path, training: OnDevicePpo, progress: bool) -> None:
-        self.folder, self.training, self.progress = folder, training, progress
+    def __init__(self, run: Run, training: OnDevicePpo, progress: bool, save_every: float) -> None:
+        self.run, self.folder, self.training, self.progress = run, run.folder, training, progress
         self.evaluations: list[dict[str, float]] = []
-        self.began = time.monotonic()
+        self.best: TrainedPolicy | None = None
+        self.curve = CurveFile(run.folder / "progress.csv")
+        self.wall, self.due = 0.0, 0
+        self.began = self.saved_at = time.monotonic()
+        self.save_every = self.pause = save_every
 
-    def go(self) -> None:
-        """Trains to the end."""
+    def go(self, saved: tuple[checkpoint.Arrays, dict[str, Any]] | None) -> None:
+        """Trains to the end, from the beginning or from a saved state."""
         training, settings = self.training, self.training.settings
         every = max(settings.evaluate_every, settings.total_steps // _EVALUATIONS)
-        self._describe("running")
-        training.settle()
-        self._evaluate()
-        due = every
+        if saved is not None:
+            self._restore(*saved)
+        self.run.update(status="running")  # before any other file: a killed run is known for one
+        logger = Logger(str(self.folder), [self.curve, tensorboard(self.folder)])
         try:
-            with self._bar() as bar:
+            if saved is None:
+                training.settle()
+                self._evaluate()
+                self.due = every
+            with interrupt_flag() as flag, self._bar() as bar:
                 while training.steps < settings.total_steps:
                     training.set_progress(training.steps / settings.total_steps)
                     before = training.steps
                     cost, cut = training.learn()
                     training.refresh(cut)
-                    if training.steps >= due:
-                        due += every
+                    if training.steps >= self.due:
+                        self.due += every
                         self._evaluate()
+                    validated = self.evaluations[-1]["cost_mean"]
+                    every_so_often = training.steps // settings.log_every != before // settings.log_every
+                    if every_so_often or training.steps >= settings.total_steps:
+                        logger.record("time/total_timesteps", training.steps)
+                        logger.record("time/wall_s", self._wall())
+                        logger.record("rollout/cost_mean", float(cost))
+                        logger.record("validation/cost_mean", validated)
+                        logger.dump(training.steps)
                     bar.update(training.steps - before)
-                    shown = {"cost": f"{float(cost):.3g}"}
-                    shown["validation"] = f"{self.evaluations[-1]['cost_mean']:.3g}"
+                    shown = {"cost": f"{float(cost):.3g}", "validation": f"{validated:.3g}"}
                     bar.set_postfix(shown, refresh=False)
-        except KeyboardInterrupt:
-            self._describe("interrupted")
+                    self._save_if_due(flag.is_set())
+            self._finish()
+        except _Interrupted:
+            self.run.update(status="interrupted", steps=training.steps)
+            raise KeyboardInterrupt(
+                f"interrupted at step {training.steps}; the same command goes on from there"
+            ) from None
+        except TrainingFailure as failure:
+            self.run.update(status="failed", steps=training.steps, reason=str(failure))
             raise
-        if self.evaluations[-1]["step"] != training.steps:
-            self._evaluate()
-        save_policy(self.folder / "policy-final.json", training.policy())
-        self._describe("finished")
+        finally:
+            logger.close()
 
     def _bar(self) -> Any:
         from tqdm import tqdm
@@ -465,6 +572,7 @@ class _Record:
         training = self.training
         return tqdm(
             total=training.settings.total_steps,
+            initial=training.steps,
             unit="step",
             unit_scale=True,
             desc=f"ppo on {training.scenario.name}, {training.device}",
@@ -472,16 +580,18 @@ class _Record:
             disable=not self.progress,
         )
 
+    def _wall(self) -> float:
+        return self.wall + time.monotonic() - self.began
+
     def _evaluate(self) -> None:
         training, settings = self.training, self.training.settings
         weights = [float(value.detach().abs().max()) for value in training.agent.parameters()]
         if not all(math.isfinite(weight) for weight in weights):
-            self._describe("failed")
             raise TrainingFailure(
                 f"the training stopped being finite at step {training.steps}; the best policy so far is kept "
                 f"in {str(self.folder)!r}: train with a lower learning_rate"
             )
-        row: dict[str, float] = {"step": training.steps, "wall_s": round(time.monotonic() - self.began, 3)}
+        row: dict[str, float] = {"step": training.steps, "wall_s": round(self._wall(), 3)}
         policy = training.policy()
         row |= validation(
             policy, training.scenario, n_seas=settings.evaluation_seas, duration=settings.evaluation_duration
@@ -493,30 +603,58 @@ class _Record:
         writer.writeheader()
         writer.writerows(self.evaluations)
         write_atomic(self.folder / "evaluations.csv", text.getvalue().encode())
-        if row["cost_mean"] < best:
+        if self.best is None or row["cost_mean"] < best:
             told = copy.deepcopy(policy.card)
             told["training"] |= {"validation_cost": row["cost_mean"], "validation_cost_max": row["cost_max"]}
-            save_policy(self.folder / "policy.json", TrainedPolicy(policy.architecture, policy.weights, told))
+            self.best = TrainedPolicy(policy.architecture, policy.weights, told)
+            save_policy(self.folder / "policy.json", self.best)
 
-    def _describe(self, status: str) -> None:
+    def _finish(self) -> None:
         training = self.training
+        if self.evaluations[-1]["step"] != training.steps:
+            self._evaluate()
+        save_policy(self.folder / "policy-final.json", training.policy())
+        assert self.best is not None
+        self.run.finish(
+            steps=training.steps,
+            wall_s=round(self._wall(), 1),
+            evaluations=self.evaluations,
+            result=card_seas(self.best, training.scenario, training.settings),
+        )
+
+    # The state to go on from ---------------------------------------------------------------------
+
+    def _save_if_due(self, stop: bool) -> None:
+        begin = time.monotonic()
+        if not (stop or begin - self.saved_at >= self.pause):
+            return
+        training = self.training
+        assert self.best is not None
+        arrays = training.get_state()
+        arrays |= {f"best/{name}": value for name, value in self.best.weights.items()}
         content = {
-            "kind": "training on the device",
-            "status": status,
-            "device": str(training.device),
-            "algorithm": "ppo",
-            "seed": training.seed,
-            "steps": training.steps,
-            "wall_s": round(time.monotonic() - self.began, 1),
-            "scenario_name": training.scenario.name,
-            "fingerprint": training.scenario.fingerprint,
-            "scenario": scenarios.to_mapping(training.scenario),
-            "preset": training.settings.to_mapping(),
-            "best": min(self.evaluations, key=lambda row: row["cost_mean"], default=None),
-            "versions": dict(versions()),
-            "commit": commit(),
+            "best_card": self.best.card,
+            "evaluations": self.evaluations,
+            "curve": self.curve.rows,
+            "wall": self._wall(),
+            "due": self.due,
         }
-        write_atomic(self.folder / "run.json", (json.dumps(content, indent=1) + "\n").encode())
+        checkpoint.save_state(self.run.state_folder, arrays, content, training.steps)
+        self.run.update(steps=training.steps, wall_s=round(self._wall(), 1))
+        self.saved_at = time.monotonic()
+        self.pause = max(self.save_every, (self.saved_at - begin) / SAVE_SHARE)
+        if stop:
+            raise _Interrupted
+
+    def _restore(self, arrays: checkpoint.Arrays, content: Mapping[str, Any]) -> None:
+        training = self.training
+        training.set_state(arrays)
+        self.evaluations, self.curve.rows = list(content["evaluations"]), list(content["curve"])
+        self.wall, self.due = float(content["wall"]), int(content["due"])
+        layers = training.policy().architecture
+        self.best = TrainedPolicy(layers, checkpoint.under(arrays, "best/"), content["best_card"])
+        # The files may be of a moment after the state was saved, or half of a pair.
+        save_policy(self.folder / "policy.json", self.best)
 
 
 def main(arguments: Sequence[str] | None = None) -> int:
@@ -535,8 +673,9 @@ def main(arguments: Sequence[str] | None = None) -> int:
     parser.add_argument("--envs", type=int, metavar="N", help="environments (default: by device)")
     parser.add_argument("--seed", type=int, default=0)
     parser.add_argument("--preset", metavar="FILE", help="YAML file of settings on top of the preset")
-    parser.add_argument("--out", metavar="FOLDER", help="run folder, new or empty")
-    options = parser.parse_args(arguments)
+    parser.add_argument("--out", metavar="FOLDER", help="run folder")
+    given = list(sys.argv[1:] if arguments is None else arguments)
+    options = parser.parse_args(given)
     try:
         folder = train_on_device(
             options.scenario,
@@ -546,10 +685,14 @@ def main(arguments: Sequence[str] | None = None) -> int:
             out=options.out,
             preset=options.preset,
             n_envs=options.envs,
+            command=shlex.join(["python", "-m", "agents.on_device_ppo", *given]),
         )
     except (ValueError, ModuleNotFoundError) as error:
         print(f"{parser.prog}: {error}", file=sys.stderr)
         return 2
+    except KeyboardInterrupt as interruption:
+        print(f"{parser.prog}: {interruption or 'interrupted'}", file=sys.stderr)
+        return 130
     print(f"trained policy: {folder}")
     return 0
 

@@ -85,6 +85,29 @@ class Run:
         self.content |= changes
         write_atomic(self.folder / RUN_FILE, (json.dumps(self.content, indent=1) + "\n").encode())
 
+    def finish(
+        self,
+        *,
+        steps: int,
+        wall_s: float,
+        evaluations: list[dict[str, float]],
+        result: Mapping[str, float],
+    ) -> None:
+        """Writes the card and the end of the run, and drops what it would have gone on from.
+
+        Args:
+            steps: Environment steps.
+            wall_s: Wall time [s].
+            evaluations: Rows of `evaluations.csv`, the first of the start.
+            result: How the kept policy does on seas that chose nothing.
+        """
+        best = min(evaluations, key=lambda row: row["cost_mean"])
+        facts = {"steps": steps, "wall_s": wall_s, "finished": now()}
+        facts |= {"start": evaluations[0], "best": best, "result": dict(result)}
+        write_atomic(self.folder / CARD_FILE, card_of(self.content | facts).encode())
+        self.update(status="finished", **facts)
+        self.drop_state()
+
     def drop_state(self) -> None:
         """Removes the state to go on from: there is nothing left to do."""
         if self.state_folder.exists():

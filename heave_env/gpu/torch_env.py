@@ -194,6 +194,11 @@ class HeaveTorchVectorEnv(gym.vector.VectorEnv):
             self.plant.begin(given)
         return self._observation
 
+    @property
+    def observation(self) -> torch.Tensor:
+        """What every row sees now, (num_envs, n_observations): the batch's own tensor."""
+        return self._observation
+
     def get_state(self) -> dict[str, np.ndarray]:
         """Everything that the batch's future depends on, as plain arrays; waits for the device."""
         with self._on_stream():

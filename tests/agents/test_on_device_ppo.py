@@ -2,6 +2,8 @@
 
 import csv
 import json
+import os
+import signal
 
 import numpy as np
 import pytest
@@ -10,6 +12,7 @@ torch = pytest.importorskip("torch")
 pytest.importorskip("warp")
 pytest.importorskip("stable_baselines3")
 
+from agents import checkpoint  # noqa: E402
 from agents.on_device_ppo import (  # noqa: E402
     OnDevicePpo,
     RewardScale,
@@ -23,6 +26,7 @@ from agents.presets import load_preset  # noqa: E402
 from agents.train import validation  # noqa: E402
 from baselines import design  # noqa: E402
 from heave_env.scenarios import load, with_value  # noqa: E402
+from tests.agents.test_training import same_results  # noqa: E402
 
 SMALL = {
     "n_envs": 16,
@@ -77,8 +81,14 @@ def test_a_run_leaves_its_policies_and_its_record(tmp_path, capsys):
     best = load_policy(run)
     assert costs[best.card["training"]["steps"]] == min(costs.values())
     assert load_policy(run / "policy-final.json").card["training"]["steps"] == 256
-    assert main([*command, "--preset", str(preset), "--out", str(run)]) == 2
-    assert "is not empty" in capsys.readouterr().err
+    card = (run / "card.md").read_text()
+    assert f"{content['result']['cost_mean']:.4g}" in card and "--envs 16" in card
+    assert (run / "progress.csv").stat().st_size and list((run / "tensorboard").iterdir())
+    assert not (run / "resume").exists()
+    assert main([*command, "--preset", str(preset), "--out", str(run)]) == 0
+    assert "finished already" in capsys.readouterr().err
+    assert main([*command, "--preset", str(preset), "--out", str(run), "--seed", "1"]) == 2
+    assert "holds another training: its seed is 0, not 1" in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(
@@ -129,8 +139,69 @@ def test_rewards_are_centred_and_scaled_but_for_the_burn_in():
 
 def test_a_folder_that_holds_something_is_refused(tmp_path):
     (tmp_path / "notes.txt").write_text("mine")
-    with pytest.raises(ValueError, match="is not empty, and a training on the device does not resume"):
+    with pytest.raises(ValueError, match="holds files but no run"):
         train_on_device("thesis_linear", device="cpu", out=tmp_path)
+
+
+def whole_training(folder, **changes):
+    preset = {**SMALL, "evaluate_every": 256, "log_every": 128, **changes}
+    return train_on_device(
+        "thesis_linear",
+        device="cpu",
+        seed=1,
+        total_steps=1024,
+        out=folder,
+        preset=preset,
+        n_envs=16,
+        progress=False,
+        save_every=0.0,
+    )
+
+
+def interrupt_at(monkeypatch, step):
+    """Ctrl-C's signal once a state of that step has been saved; the state is saved after every update."""
+    monkeypatch.setattr("agents.on_device_ppo.SAVE_SHARE", 1e9)
+    save = checkpoint.save_state
+
+    def saving(folder, arrays, content, at):
+        save(folder, arrays, content, at)
+        if at >= step:
+            monkeypatch.setattr(checkpoint, "save_state", save)
+            os.kill(os.getpid(), signal.SIGINT)
+
+    monkeypatch.setattr(checkpoint, "save_state", saving)
+
+
+def test_a_resumed_training_ends_with_the_same_bits(tmp_path, monkeypatch):
+    threads = torch.get_num_threads()
+    torch.set_num_threads(1)
+    try:
+        whole = whole_training(tmp_path / "whole")
+        interrupt_at(monkeypatch, 512)
+        with pytest.raises(KeyboardInterrupt, match="goes on from there"):
+            whole_training(tmp_path / "parts")
+        content = json.loads((tmp_path / "parts" / "run.json").read_text())
+        assert content["status"] == "interrupted" and 0 < content["steps"] < 1024
+        torch.manual_seed(12345)  # a new process would not have this stream's state either
+        same_results(whole_training(tmp_path / "parts"), whole, final="policy-final")
+    finally:
+        torch.set_num_threads(threads)
+
+
+def test_a_damaged_state_is_refused(tmp_path, monkeypatch):
+    interrupt_at(monkeypatch, 256)
+    with pytest.raises(KeyboardInterrupt):
+        whole_training(tmp_path / "run")
+    [arrays] = (tmp_path / "run" / "resume").glob("arrays-*.safetensors")
+    arrays.write_bytes(arrays.read_bytes()[:-100])
+    with pytest.raises(ValueError, match="cut short or changed"):
+        whole_training(tmp_path / "run")
+
+
+def test_a_guide_is_refused_on_the_device(tmp_path):
+    with pytest.raises(ValueError, match="preset key 'guide' is not for a training on the device"):
+        whole_training(tmp_path / "run", guide="lqg")
+    assert not (tmp_path / "run").exists()
 
 
 @pytest.mark.slow

@@ -163,11 +163,11 @@ def interrupt_at(monkeypatch: pytest.MonkeyPatch, step: int) -> None:
             os.kill(os.getpid(), signal.SIGINT)
 
     monkeypatch.setattr(checkpoint, "save_state", saving)
-    monkeypatch.setattr("agents.train._SAVE_SHARE", 1e9)  # save at every turn, whatever it takes
+    monkeypatch.setattr("agents.train.SAVE_SHARE", 1e9)  # save at every turn, whatever it takes
 
 
-def same_results(one: Path, other: Path) -> None:
-    for name in ("policy.safetensors", "policy.json", "checkpoints/policy-final.safetensors"):
+def same_results(one: Path, other: Path, final: str = "checkpoints/policy-final") -> None:
+    for name in ("policy.safetensors", "policy.json", f"{final}.safetensors"):
         assert (one / name).read_bytes() == (other / name).read_bytes(), name
     for name in ("evaluations.csv", "progress.csv"):
         ours, theirs = rows(one / name), rows(other / name)
