@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from experiments.pictures_cli import EXAMPLES, add_kinds
 from experiments.rollout import FIRST_TEST_SEED
 from heave_env import __version__, scenarios
 from heave_env.cable.convergence import ConvergenceError
@@ -58,7 +59,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         return BAD_INPUT
     except KeyboardInterrupt:
         resumable = (_train, _sweep, _demo, _compare, _league, _validate, _reproduce, _operability, _zoo)
-        resumes = options.run in resumable
+        resumes = options.run in (*resumable, _pictures)
         hint = "the same command goes on from there" if resumes else "nothing half-written was left behind"
         print(f"heave: interrupted; {hint}", file=sys.stderr)
         return INTERRUPTED
@@ -336,6 +337,15 @@ def parser() -> Parser:
         "heave report runs/mine",
     )
     report.add_argument("folder", metavar="DIR", help="folder that heave compare, demo or league wrote")
+
+    add_kinds(
+        verb(
+            "pictures",
+            _pictures,
+            "draw fronts, storms, learning curves, profiles and videos of what was run",
+            *EXAMPLES,
+        )
+    )
 
     operable = verb(
         "operability",
@@ -1187,6 +1197,17 @@ def _report(options: argparse.Namespace) -> None:
     from experiments.report import write_report
 
     print(f"report: {write_report(options.folder)}")
+
+
+def _pictures(options: argparse.Namespace) -> None:
+    from experiments import pictures_cli
+
+    scenario = None
+    if pictures_cli.names_scenario(options):
+        scenario = scenario_of(options.source, options.settings)
+    with Bars() as advance:
+        for path in pictures_cli.draw(options, scenario=scenario, progress=advance):
+            print(path)
 
 
 def _identify(options: argparse.Namespace) -> None:

@@ -24,6 +24,7 @@ VERBS = (
     "evaluate",
     "zoo",
     "report",
+    "pictures",
     "operability",
     "identify",
     "cases",
