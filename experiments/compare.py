@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import dataclasses
 import hashlib
+import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -356,10 +357,15 @@ class Part:
         )
 
     def run(self, progress: Progress | None = None) -> dict[str, Array]:
-        """Runs it; what there is to keep."""
+        """Runs it; what there is to keep, with the time that it took, `wall` [s]."""
+        began = time.perf_counter()
         if self.entry is not None:
-            return outcome_arrays(self.outcome(progress))
-        return {"cost": self._clairvoyant(progress) if self.label == CLAIRVOYANT else self._oracle(progress)}
+            arrays = outcome_arrays(self.outcome(progress))
+        elif self.label == CLAIRVOYANT:
+            arrays = {"cost": self._clairvoyant(progress)}
+        else:
+            arrays = {"cost": self._oracle(progress)}
+        return arrays | {"wall": np.array(time.perf_counter() - began)}
 
     def _clairvoyant(self, progress: Progress | None) -> Array:
         from baselines.clairvoyant import clairvoyant_cost

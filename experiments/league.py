@@ -23,6 +23,7 @@ from experiments.compare import (
     AGENT_PREFIX,
     FILE_PREFIX,
     ZOO_PREFIX,
+    Part,
     check_contest,
     check_specs,
     content_hash,
@@ -80,6 +81,8 @@ COLUMNS = (
     "n_seas",
 )
 """Columns of the leaderboard's table."""
+N_SLOWEST = 6
+"""Of so many is told how long they took [-]."""
 RESERVED = ("oracle", "oracle_mpc", "clairvoyant", "optimum", POOLED)
 """Names of yardsticks, which no contestant may have."""
 
@@ -606,7 +609,7 @@ def league(
         for cell in cells
     ]
     told = standings(cells, chosen)
-    common = {
+    common: dict[str, Any] = {
         "reference": chosen,
         "first_seed": seeds.start,
         "n_seeds": n_seeds,
@@ -615,6 +618,7 @@ def league(
     }
     summary = common | {
         "failures": failures(cells),
+        "work": work_of(beforehand, folder),
         "interval": f"{100.0 * CONFIDENCE:.0f} % intervals over seas and trainings, percentile bootstrap of "
         f"{N_RESAMPLES} resamples",
         "scenarios": {
@@ -636,6 +640,22 @@ def league(
     runs.write_json(folder / runs.RUN_FILE, made)
     write_page(folder)
     return folder
+
+
+def work_of(parts: Sequence[Part], folder: Path) -> dict[str, Any]:
+    """What the parts of a league took: hours of one processor, and seconds per sea by label."""
+    took: dict[str, list[tuple[float, int]]] = {}
+    for part in parts:
+        arrays = part.held(folder)
+        if arrays is not None and "wall" in arrays:
+            took.setdefault(part.label, []).append((float(arrays["wall"]), len(part.seeds)))
+    return {
+        "hours": sum(seconds for rows in took.values() for seconds, _ in rows) / 3600.0,
+        "seconds_per_sea": {
+            label: sum(seconds for seconds, _ in rows) / sum(count for _, count in rows)
+            for label, rows in took.items()
+        },
+    }
 
 
 def _about(scenario: Scenario, field: Field, cells: Sequence[Cell]) -> dict[str, Any]:
@@ -687,5 +707,9 @@ def printed(summary: dict[str, Any]) -> list[str]:
             lines.append(f"  {name}: {number['value']:.3f}{interval}, median {middle:.3f}{told}{badge}")
     for name, about in summary["scenarios"].items():
         lines += [f"{name}: without {who}: {why}" for who, why in about["left_out"].items()]
+    work = summary["work"]
+    slowest = sorted(work["seconds_per_sea"].items(), key=lambda item: -item[1])[:N_SLOWEST]
+    each = ", ".join(f"{label} {seconds:.2g}" for label, seconds in slowest)
+    lines.append(f"work: {work['hours']:.2g} hours of one processor; slowest, in seconds per sea: {each}")
     lines += [failure_text(item) for item in summary["failures"]] or ["nobody diverged or lost the payload"]
     return lines

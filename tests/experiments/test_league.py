@@ -229,6 +229,17 @@ def test_who_diverges_is_named(capsys, tmp_path):
     assert said in (out / "leaderboard.html").read_text(encoding="utf-8")
 
 
+def test_the_work_is_told(folder):
+    summary = json.loads((folder / "leaderboard.json").read_text(encoding="utf-8"))
+    work = summary["work"]
+    assert set(work["seconds_per_sea"]) >= {"none", "lqg", "file:mine", "oracle"}
+    assert all(seconds > 0.0 for seconds in work["seconds_per_sea"].values())
+    # Two scenarios as they are and in a variant, four seas each.
+    assert work["hours"] * 3600.0 >= 16 * work["seconds_per_sea"]["lqg"]
+    (line,) = (line for line in printed(summary) if line.startswith("work: "))
+    assert "slowest, in seconds per sea: " in line
+
+
 def test_nobody_is_blamed_without_reason(folder):
     summary = json.loads((folder / "leaderboard.json").read_text(encoding="utf-8"))
     assert summary["failures"] == []
