@@ -103,7 +103,9 @@ def svg(draw: Callable[[Any], None], size: tuple[float, float] = (6.5, 3.8)) -> 
         return _drawn(figure)
 
 
-def png(draw: Callable[[Any], Any], size: tuple[float, float], dpi: int) -> tuple[bytes, Any]:
+def png(
+    draw: Callable[[Any], Any], size: tuple[float, float], dpi: int, n_colours: int = 64
+) -> tuple[bytes, Any]:
     """A picture as a small PNG file of few colours, and what the drawing function returned."""
     import matplotlib
     from PIL import Image
@@ -113,7 +115,7 @@ def png(draw: Callable[[Any], Any], size: tuple[float, float], dpi: int) -> tupl
     context: Any = matplotlib.rc_context
     with context(STYLE):
         figure.savefig(buffer, format="png", dpi=dpi, metadata={"Software": None})
-    image = Image.open(buffer).convert("RGB").quantize(64, method=Image.Quantize.MEDIANCUT)
+    image = Image.open(buffer).convert("RGB").quantize(n_colours, method=Image.Quantize.MEDIANCUT)
     image.save(small, format="png", optimize=True)
     return small.getvalue(), returned
 

@@ -21,6 +21,7 @@ from experiments.metrics import METRICS
 from experiments.results import Contest, Entry
 from experiments.rollout import OUTCOMES, with_duration
 from experiments.statistics import mean
+from heave_env import scenarios
 from heave_env.provenance import provenance
 from heave_env.scenarios import Scenario, from_mapping
 
@@ -28,6 +29,8 @@ Array = np.ndarray
 
 DPI = 120
 """Resolution of the PNG files [1/in]."""
+N_COLOURS = 256
+"""Colours of the PNG files [-]."""
 FOLDER = "pictures"
 """Folder of its pictures in that of a comparison or league, where its page finds them."""
 
@@ -66,7 +69,7 @@ def write(picture: Picture, folder: str | Path, arguments: list[str] | None = No
         ValueError: If they cannot be written there.
     """
     place = Path(folder)
-    image, _ = figures.png(picture.draw, picture.size, DPI)
+    image, _ = figures.png(picture.draw, picture.size, DPI, N_COLOURS)
     written = [
         runs.write_bytes(place / f"{picture.name}.png", image),
         runs.write_text(place / f"{picture.name}.svg", figures.svg(picture.draw, picture.size)),
@@ -182,12 +185,12 @@ def _of_comparison(run: dict[str, Any], rows: list[dict[str, str]]) -> list[Scor
         specs: dict[str, tuple[str, ...]] = {
             entry["label"]: (entry["spec"],) for entry in item["controllers"]
         }
-        base, _, variant = item["name"].partition("@")
+        variant = item["name"].partition("@")[2]
         found.append(
             Scored(
                 scenario=scenario,
-                basis=scenario.design_basis,
-                variant=variant if base else NOMINAL,
+                basis=as_named(scenario.design_basis),
+                variant=variant or NOMINAL,
                 reference=run["reference"],
                 first_seed=run["first_seed"],
                 warm_up=item["warm_up"],
@@ -216,7 +219,7 @@ def _of_league(folder: Path, run: dict[str, Any], rows: list[dict[str, str]]) ->
             found.append(
                 Scored(
                     scenario=places[name if variant == NOMINAL else f"{name}@{variant}"],
-                    basis=places[name],
+                    basis=as_named(places[name]),
                     variant=variant,
                     reference=run["reference"],
                     first_seed=run["first_seed"],
@@ -226,6 +229,15 @@ def _of_league(folder: Path, run: dict[str, Any], rows: list[dict[str, str]]) ->
                 )
             )
     return found
+
+
+def as_named(scenario: Scenario) -> Scenario:
+    """The named scenario that one is but for its duration, on which tuning depends; else itself."""
+    if scenario.name in scenarios.names():
+        named = scenarios.load(scenario.name)
+        if named.fingerprint == scenario.fingerprint:
+            return named
+    return scenario
 
 
 def _columns(rows: list[dict[str, str]], trainings: dict[str, list[str]], who: str) -> dict[str, Any]:

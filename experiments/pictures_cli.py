@@ -334,6 +334,7 @@ def _fronts(options: argparse.Namespace, scenario: Scenario | None, progress: Pr
             design: fronts.sweep(
                 design,
                 item.scenario,
+                item.basis,
                 range(item.first_seed, item.first_seed + item.n_seas),
                 folder,
                 n_weights=n_weights,

@@ -8,6 +8,7 @@ what no weights of that design do there.
 
 from __future__ import annotations
 
+import dataclasses
 import inspect
 import itertools
 import math
@@ -119,17 +120,16 @@ def choices(design: str, scenario: Scenario, own: dict[str, float], n_weights: i
     return found
 
 
-def own_weights(design: str, scenario: Scenario, folder: Path) -> dict[str, float]:
+def own_weights(design: str, basis: Scenario, folder: Path) -> dict[str, float]:
     """The weights that a design has in every comparison, tuned where it is; kept in the folder.
 
     Args:
         design: Name of the design.
-        scenario: The operation that it is for.
+        basis: The operation that it is for.
         folder: Where what was tuned is kept.
     """
     from experiments.validate import source_hash
 
-    basis = scenario.design_basis
     own = {"command_weight": basis.task.command_weight}
     if "speed_weight" in swept_weights(design):
         own["speed_weight"] = 0.0
@@ -139,8 +139,12 @@ def own_weights(design: str, scenario: Scenario, folder: Path) -> dict[str, floa
         own["energy_weight"] = basis.task.energy_weight or assumed_energy_weight(basis)
     if design not in baselines.TUNED or not needs_tuning(basis):
         return own
-    path = kept_file(folder, scenario.name, f"weights of {design}")
-    identity = {"scenario": basis.fingerprint, "source": source_hash(("heave_env", "baselines"))}
+    path = kept_file(folder, basis.name, f"weights of {design}")
+    identity = {
+        "scenario": basis.fingerprint,
+        "duration": basis.duration,
+        "source": source_hash(("heave_env", "baselines")),
+    }
     arrays = read_kept(path, identity)
     if arrays is None:
         found = tuned_weights(design, baselines.DESIGNERS[design], basis, {})
@@ -152,6 +156,7 @@ def own_weights(design: str, scenario: Scenario, folder: Path) -> dict[str, floa
 def sweep(
     design: str,
     scenario: Scenario,
+    basis: Scenario,
     seeds: range,
     folder: Path,
     *,
@@ -164,6 +169,7 @@ def sweep(
     Args:
         design: Name of the design.
         scenario: The operation as it is met, with the duration that is wanted.
+        basis: The operation that the design is for.
         seeds: Seeds of the seas.
         folder: Where each choice's part is kept.
         n_weights: Weights along a ray [-].
@@ -173,11 +179,11 @@ def sweep(
     Raises:
         ValueError: If the design does not fit the scenario.
     """
-    own = own_weights(design, scenario, folder)
-    asked = choices(design, scenario.design_basis, own, n_weights)
+    own = own_weights(design, basis, folder)
+    asked = choices(design, basis, own, n_weights)
     found: list[Choice] = []
     for _ in range(1 + N_REFINEMENTS):
-        found = _played(design, scenario, asked, own, seeds, folder, warm_up, progress)
+        found = _played(design, scenario, basis, asked, own, seeds, folder, warm_up, progress)
         between = refined(found)
         if not between:
             break
@@ -204,6 +210,7 @@ def refined(found: Sequence[Choice]) -> list[dict[str, float]]:
 def _played(
     design: str,
     scenario: Scenario,
+    basis: Scenario,
     asked: Sequence[dict[str, float]],
     own: dict[str, float],
     seeds: range,
@@ -214,7 +221,7 @@ def _played(
     entries = []
     for weights in asked:
         told = ",".join(f"{name}={value:.6g}" for name, value in weights.items())
-        made = baselines.design(design, scenario, **weights)
+        made = baselines.design(design, basis, **weights)
         sees = getattr(made, "information_set", None) or scenario.information_set
         entries.append(Entry(f"{design} {told}", f"{design},{told}", made, sees))
     contest = play(scenario, entries, seeds, folder, warm_up=warm_up, progress=progress)
@@ -385,6 +392,7 @@ def draw_fronts(
         measures: What motion is held against, a panel for each.
         names: Everybody, in the order that gives them colours.
     """
+    entries = {entry: _without_remainders(numbers, entries) for entry, numbers in entries.items()}
     colours, dashes = figures.colour_of(names), figures.dashes_of(names)
     axes = figure.subplots(1, len(measures), squeeze=False, sharey=True)[0]
     stds = [numbers[STD].value for numbers in entries.values() if numbers[STD] is not None]
@@ -468,6 +476,16 @@ def _bar(number: Quantity, factor: float) -> list[list[float]]:
         [factor * (number.value - _end(number, "low"))],
         [factor * (_end(number, "high") - number.value)],
     ]
+
+
+def _without_remainders(numbers: dict[str, Any], everybody: dict[str, dict[str, Any]]) -> dict[str, Any]:
+    """The numbers of an entry, with zero for the work that a decaying lag leaves of zero."""
+    found = dict(numbers)
+    for measure in MEASURES:
+        largest = max((item[measure].value for item in everybody.values() if item[measure]), default=0.0)
+        if found[measure] is not None and found[measure].value < 1e-9 * largest:
+            found[measure] = dataclasses.replace(found[measure], value=0.0, low=None, high=None)
+    return found
 
 
 def _ends(

@@ -13,7 +13,6 @@ from typing import Any
 import numpy as np
 
 from experiments import figures, runs
-from experiments.leaderboard import NOMINAL
 from experiments.league import Contestant
 from experiments.pictures import Picture, Progress, Scored, entries_of, play, score
 from experiments.results import STORED_CHANNELS
@@ -97,7 +96,7 @@ def played_series(
         progress: Called with scenario, label, steps done since the last call and steps in all.
     """
     firsts = [Contestant(team.name, team.specs[:1]) for team in teams]
-    by_team = entries_of(scored.basis if scored.variant != NOMINAL else scored.scenario, firsts)
+    by_team = entries_of(scored.basis, firsts)
     entries = [entries[0] for entries in by_team.values()]
     contest = play(
         scored.scenario, entries, range(seed, seed + 1), folder, n_stored=1, warm_up=0.0, progress=progress
