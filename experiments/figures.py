@@ -182,6 +182,7 @@ def draw_series(
     end: float,
     delay: float,
     rate_limit: float = math.inf,
+    names: Sequence[str] = (),
 ) -> None:
     """Draws one sea in every controller's hands.
 
@@ -193,9 +194,10 @@ def draw_series(
         end: Where it ends [s].
         delay: Command delay of the scenario [s].
         rate_limit: Largest speed of the drum [m/s], drawn where it lies near.
+        names: Everybody, in the order that gives them colours; none: the controllers.
     """
     labels = list(channels)
-    colours, dashes = colour_of(labels), dashes_of(labels)
+    colours, dashes = colour_of(names or labels), dashes_of(names or labels)
     shown = (time >= start - 1e-9) & (time <= end + 1e-9)
     acting = [label for label in labels if label != "none"] or labels
     panels = series_panels(channels)
@@ -257,12 +259,12 @@ def draw_series(
     axes[-1, 0].set_xlabel("time [s]")
     axes[-1, 0].set_xlim(start, end)
     figure.align_ylabels(list(axes[:, 0]))
-    handles, names = place["payload"].get_legend_handles_labels()
-    if "none" in labels and "none" not in names:
+    handles, said = place["payload"].get_legend_handles_labels()
+    if "none" in labels and "none" not in said:
         from matplotlib.lines import Line2D
 
-        handles, names = [Line2D([], [], color=COLOURS[0]), *handles], ["none", *names]
-    figure.legend(handles, names, loc="outside lower center", ncols=min(5, len(names)))
+        handles, said = [Line2D([], [], color=COLOURS[0]), *handles], ["none", *said]
+    figure.legend(handles, said, loc="outside lower center", ncols=min(5, len(said)))
 
 
 @_styled

@@ -123,6 +123,8 @@ class Scored:
     """The operation that controllers were made for."""
     variant: str
     """Name of the variant, `nominal` for none."""
+    names: tuple[str, ...]
+    """Everybody in the order that gives them colours: that of the run's own page."""
     reference: str
     """Whom costs are held against."""
     first_seed: int
@@ -191,6 +193,7 @@ def _of_comparison(run: dict[str, Any], rows: list[dict[str, str]]) -> list[Scor
                 scenario=scenario,
                 basis=as_named(scenario.design_basis),
                 variant=variant or NOMINAL,
+                names=tuple(specs),
                 reference=run["reference"],
                 first_seed=run["first_seed"],
                 warm_up=item["warm_up"],
@@ -207,6 +210,7 @@ def _of_league(folder: Path, run: dict[str, Any], rows: list[dict[str, str]]) ->
     summary = runs.read_json(folder / SUMMARY_FILE)
     places = {item["name"]: from_mapping(item) for item in run["scenarios"]}
     teams = {item["name"]: tuple(item["specs"]) for item in run["contestants"]}
+    everybody = tuple(sorted({name for item in summary["standings"] for name in item["entries"]}))
     found = []
     for name in summary["scenarios"]:
         for variant in summary["scenarios"][name]["variants"]:
@@ -221,6 +225,7 @@ def _of_league(folder: Path, run: dict[str, Any], rows: list[dict[str, str]]) ->
                     scenario=places[name if variant == NOMINAL else f"{name}@{variant}"],
                     basis=as_named(places[name]),
                     variant=variant,
+                    names=everybody,
                     reference=run["reference"],
                     first_seed=run["first_seed"],
                     warm_up=summary["scenarios"][name]["warm_up"],
@@ -355,6 +360,7 @@ def score(
         scenario=met,
         basis=scenario.design_basis,
         variant=variant or NOMINAL,
+        names=tuple(by_team),
         reference=default_reference(list(by_team)),
         first_seed=seeds.start,
         warm_up=contest.part.warm_up,

@@ -367,6 +367,7 @@ def _one_scored(options: argparse.Namespace, scenario: Scenario | None, length: 
         scenario=met,
         basis=scenario.design_basis,
         variant=scenario.name.partition("@")[2] or NOMINAL,
+        names=tuple(team.name for team in teams),
         reference=teams[0].name,
         first_seed=FIRST_TEST_SEED,
         warm_up=window(met.duration, met.control_dt).warm_up,

@@ -280,7 +280,7 @@ def fronts_picture(scored: Scored, swept: dict[str, list[Choice]]) -> Picture:
         entry: {metric: scored.number(entry, metric) for metric in (STD, *MEASURES)}
         for entry in scored.values
     }
-    names = [*swept, *(entry for entry in entries if entry not in swept)]
+    names = [*scored.names, *(design for design in swept if design not in scored.names)]
     measures = [
         measure for measure in MEASURES if any(numbers[measure] is not None for numbers in entries.values())
     ]

@@ -91,7 +91,7 @@ def profiles_picture(scored: Sequence[Scored], reference: str | None = None) -> 
             thresholds,
             {name: band[0] for name, band in bands.items()},
             chosen,
-            list(found),
+            scored[0].names,
             bands={name: band[1:] for name, band in bands.items()},
         )
 

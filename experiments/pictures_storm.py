@@ -171,6 +171,7 @@ def storm_picture(
             start=begin,
             end=end,
             delay=scenario.winch.command_delay,
+            names=scored.names,
             rate_limit=math.inf if limit is None else float(limit),
         )
 
