@@ -6,6 +6,7 @@ share is here: the files of a picture, and what the folder of a comparison or le
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -240,7 +241,7 @@ def as_named(scenario: Scenario) -> Scenario:
     """The named scenario that one is but for its duration, on which tuning depends; else itself."""
     if scenario.name in scenarios.names():
         named = scenarios.load(scenario.name)
-        if named.fingerprint == scenario.fingerprint:
+        if dataclasses.replace(named, duration=scenario.duration).fingerprint == scenario.fingerprint:
             return named
     return scenario
 

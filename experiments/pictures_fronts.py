@@ -8,7 +8,6 @@ what no weights of that design do there.
 
 from __future__ import annotations
 
-import dataclasses
 import inspect
 import itertools
 import math
@@ -392,7 +391,7 @@ def draw_fronts(
         measures: What motion is held against, a panel for each.
         names: Everybody, in the order that gives them colours.
     """
-    entries = {entry: _without_remainders(numbers, entries) for entry, numbers in entries.items()}
+    entries = {entry: _at_rest(numbers) for entry, numbers in entries.items()}
     colours, dashes = figures.colour_of(names), figures.dashes_of(names)
     axes = figure.subplots(1, len(measures), squeeze=False, sharey=True)[0]
     stds = [numbers[STD].value for numbers in entries.values() if numbers[STD] is not None]
@@ -478,14 +477,13 @@ def _bar(number: Quantity, factor: float) -> list[list[float]]:
     ]
 
 
-def _without_remainders(numbers: dict[str, Any], everybody: dict[str, dict[str, Any]]) -> dict[str, Any]:
-    """The numbers of an entry, with zero for the work that a decaying lag leaves of zero."""
-    found = dict(numbers)
-    for measure in MEASURES:
-        largest = max((item[measure].value for item in everybody.values() if item[measure]), default=0.0)
-        if found[measure] is not None and found[measure].value < 1e-9 * largest:
-            found[measure] = dataclasses.replace(found[measure], value=0.0, low=None, high=None)
-    return found
+def _at_rest(numbers: dict[str, Any]) -> dict[str, Any]:
+    """The numbers of an entry; of one that commands nothing, without the work that its start left it."""
+    energy = numbers["control_energy"]
+    if energy is None or energy.value > 0.0:
+        return numbers
+    nothing = {measure: energy for measure in MEASURES if numbers[measure] is not None}
+    return numbers | nothing
 
 
 def _ends(
