@@ -459,11 +459,10 @@ def _video(options: argparse.Namespace, scenario: Scenario | None, progress: Pro
         seed,
         start=scored.warm_up if options.start is None else options.start,
         length=options.length,
+        speed=options.speed,
         progress=progress,
     )
-    return video.write_video(
-        film, folder, formats=formats, width=options.width, speed=options.speed, arguments=options.arguments
-    )
+    return video.write_video(film, folder, formats=formats, width=options.width, arguments=options.arguments)
 
 
 def _pair(scored: Scored) -> list[str]:

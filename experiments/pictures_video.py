@@ -112,6 +112,8 @@ class Film:
     """Control step of the last frame at most."""
     stride: int
     """Control steps from frame to frame [-]."""
+    speed: float = 1.0
+    """How many times faster than it happened it is shown [-]."""
 
     @property
     def steps(self) -> range:
@@ -178,6 +180,7 @@ def filmed(
     *,
     start: float = 100.0,
     length: float = LENGTH,
+    speed: float = 1.0,
     progress: Progress | None = None,
 ) -> Film:
     """Lets each controller act in a sea from its beginning, to be filmed from `start` on.
@@ -188,13 +191,16 @@ def filmed(
         seed: Seed of the sea.
         start: Where the film begins [s].
         length: How long it is [s].
+        speed: How many times faster than it happened it is shown [-].
         progress: Called with scenario, label, steps done since the last call and steps in all.
 
     Raises:
-        ValueError: If nobody acts, or an episode ends before the film does.
+        ValueError: If nobody acts, the speed is impossible, or an episode ends before the film does.
     """
     if not controllers:
         raise ValueError("no controller was named; name two, as none,lqg")
+    if not 0.1 <= speed <= 20.0:
+        raise ValueError(f"speed must be from 0.1 to 20, got {speed:g}")
     dt = scenario.control_dt
     first, last = round(start / dt), round((start + length) / dt)
     if last > scenario.n_steps:
@@ -207,8 +213,8 @@ def filmed(
         takes.append(take(scenario, label, controller, seed, first, last))
         if progress is not None:
             progress(scenario.name, label, 1, 1)
-    stride = max(1, math.ceil(1.0 / (MOST_FRAMES * dt) - 1e-9))
-    return Film(scenario=scenario, seed=seed, takes=takes, first=first, last=last, stride=stride)
+    stride = max(1, math.ceil(speed / (MOST_FRAMES * dt) - 1e-9))
+    return Film(scenario=scenario, seed=seed, takes=takes, first=first, last=last, stride=stride, speed=speed)
 
 
 # The traces below the scenes ---------------------------------------------------------------------
@@ -370,17 +376,15 @@ def write_video(
     *,
     formats: Sequence[str] = ("gif",),
     width: int | None = None,
-    speed: float = 1.0,
     arguments: list[str] | None = None,
 ) -> list[Path]:
-    """Writes a film, its first and its last frame's numbers as CSV, and where it comes from.
+    """Writes a film, the numbers of every frame as CSV, and where it comes from.
 
     Args:
         film: What was filmed.
         folder: Where.
         formats: Endings among `FORMATS`.
         width: Width of the picture [px]; None: as drawn.
-        speed: How many times faster than it happened it is shown [-].
         arguments: Command line of the provenance; None: the process's own.
 
     Raises:
@@ -389,10 +393,8 @@ def write_video(
     wanted = check_formats(formats)
     if width is not None and not 160 <= width <= 4000:
         raise ValueError(f"width must be from 160 px to 4000 px, got {width}")
-    if not 0.1 <= speed <= 20.0:
-        raise ValueError(f"speed must be from 0.1 to 20, got {speed:g}")
     dt = film.scenario.control_dt
-    pause = film.stride * dt / speed  # between frames [s]
+    pause = film.stride * dt / film.speed  # between frames [s]
     name = f"video-{film.scenario.name}-{film.seed}"
     written = []
     for ending in wanted:
@@ -413,7 +415,7 @@ def write_video(
     told = " and ".join(TITLES.get(item.label, item.label) for item in film.takes)
     caption = (
         f"{film.scenario.name}, sea {film.seed}, {film.first * dt:g} s to {film.last * dt:g} s: {told}, "
-        f"side by side{'' if speed == 1.0 else f', {speed:g} times as fast as it happened'}."
+        f"side by side{'' if film.speed == 1.0 else f', {film.speed:g} times as fast as it happened'}."
     )
     about = {"scenario": film.scenario.name, "seed": film.seed, "files": [path.name for path in written]}
     return [*written, write_about(name, "video", caption, about, folder, arguments)]
