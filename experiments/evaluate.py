@@ -40,6 +40,7 @@ SHOWN = (
     "winch_work",
     "supply_energy",
     "tension_peak",
+    "tension_p999",
     "tension_min",
     "slack_fraction",
     "touch_down_speed",

@@ -40,6 +40,7 @@ CARD_QUANTITIES = (
     "winch_work",
     "tension_peak",
     "tension_peak_maximum",
+    "tension_p999",
     "cost_ratio_to_optimum",
     "diverged",
     "lost",

@@ -6,6 +6,10 @@ import csv
 import json
 import multiprocessing
 import os
+import signal
+import subprocess
+import sys
+import time
 from html.parser import HTMLParser
 from pathlib import Path
 
@@ -441,6 +445,34 @@ def test_workers_are_kept_to_one_thread(monkeypatch):
     monkeypatch.setenv("OMP_NUM_THREADS", "7")
     assert dict(shared_out(os.getenv, list(ONE_THREAD), 2)) == dict.fromkeys(ONE_THREAD, "1")
     assert os.environ["OMP_NUM_THREADS"] == "7"
+
+
+@pytest.mark.slow
+def test_an_interruption_reaches_all_processes_and_keeps_what_is_finished(tmp_path):
+    """Ctrl-C goes to the whole group; the same command then goes on with what the workers had finished."""
+    out = tmp_path / "out"
+    asked = ["unknown_linear", "--controllers", "none,lqg,multi_model", "--variants", "nominal"]
+    given = ["--seeds", "8", "--workers", "2", "--out", str(out)]
+    process = subprocess.Popen(
+        [sys.executable, "-m", "experiments.cli", "league", *asked, *given],
+        cwd=Path(__file__).parents[2],
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    for _ in range(1200):
+        if list(out.rglob("none.npz")) or process.poll() is not None:
+            break
+        time.sleep(0.2)
+    os.killpg(process.pid, signal.SIGINT)
+    _, said = process.communicate(timeout=60)
+    assert process.returncode == 130 and said == "heave: interrupted; the same command goes on from there\n"
+    kept = {path: path.stat().st_mtime_ns for path in out.rglob("*") if path.is_file()}
+    assert "none.npz" in {path.name for path in kept}
+    assert not [path for path in kept if path.suffix == ".tmp"]
+    duration = ["--duration", "400"]  # what the protocol has anyway
+    assert cli.main(["league", *asked[:2], "none,lqg", *asked[3:], *given[:-2], *duration, *given[-2:]]) == 0
+    assert all(path.stat().st_mtime_ns == stamp for path, stamp in kept.items())
 
 
 def test_a_changed_policy_or_file_runs_again(players, tmp_path, monkeypatch):

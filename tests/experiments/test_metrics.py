@@ -108,6 +108,17 @@ def test_tension_and_shares_are_taken_over_the_scored_steps():
     assert found["tension_min"] == pytest.approx([9e4, 9e4])
 
 
+def test_the_rare_tension_is_that_which_one_step_in_a_thousand_exceeds():
+    """Of 3000 scored steps three exceed it; a sea that ended before the scoring began has none."""
+    run = trajectory(np.zeros((N_STEPS + 1, 2)))
+    peak = np.tile(np.arange(N_STEPS, dtype=float)[::-1, None], (1, 2))
+    run.steps.update(tension_max=peak)
+    run.n_valid[1] = 500
+    found = scores(run, window(400.0, DT))
+    assert (peak[1000:, 0] > found["tension_p999"][0]).sum() == 3
+    assert found["tension_p999"][0] < found["tension_peak"][0] and np.isnan(found["tension_p999"][1])
+
+
 def test_a_plant_without_a_cable_has_no_tension_metrics():
     found = scores(trajectory(np.zeros((N_STEPS + 1, 1)), cable=False), window(400.0, DT))
     missing = {name for name in METRICS if name not in found}
