@@ -33,6 +33,7 @@ from experiments.results import (
     Contest,
     Entry,
     Outcome,
+    joined_arrays,
     outcome_arrays,
     outcome_of,
     write_contests,
@@ -56,6 +57,8 @@ LIBRARIES = ("python", "numpy", "scipy", "numba")
 """Packages whose versions do."""
 SLOW = ("multi_model_mpc", "multi_model", "oracle_mpc", "oracle", "mpc_l1", "mpc")
 """Those that take longest, the slowest first."""
+SLOW_SEAS = 64
+"""Seas of theirs that are run and kept at a time where no time series are wanted [-]."""
 Progress = Callable[[str, int], None]
 """Takes a label and a number of steps done since the last call."""
 CLAIRVOYANT_SEAS = 8
@@ -431,16 +434,24 @@ def parts_of(
             **given,
         )
 
+    def parts(label: str, spec: str, sees: str, size: int, **given: Any) -> list[Part]:
+        if size >= len(seeds):
+            return [part(label, spec, sees, **given)]
+        return [
+            part(label, spec, sees, seeds=seeds[first : first + size], name=f"{label} {first}", **given)
+            for first in range(0, len(seeds), size)
+        ]
+
     locked = locked_among(entries, scenario)
-    found = [
-        part(entry.label, entry.spec, entry.information_set, entry=entry)
-        for entry in (locked, *(entry for entry in entries if entry is not locked))
-    ]
+    found = []
+    for entry in (locked, *(entry for entry in entries if entry is not locked)):
+        size = SLOW_SEAS if entry.spec in SLOW and not n_stored else len(seeds)
+        found += parts(entry.label, entry.spec, entry.information_set, size, entry=entry)
     sees = scenario.information_set
-    found += [part(label, label, sees) for label in (oracle_labels(scenario) if oracle else ())]
-    for first in range(0, len(seeds), CLAIRVOYANT_SEAS) if clairvoyant else ():
-        among = seeds[first : first + CLAIRVOYANT_SEAS]
-        found.append(part(CLAIRVOYANT, CLAIRVOYANT, sees, seeds=among, name=f"{CLAIRVOYANT} {first}"))
+    for label in oracle_labels(scenario) if oracle else ():
+        found += parts(label, label, sees, SLOW_SEAS)
+    if clairvoyant:
+        found += parts(CLAIRVOYANT, CLAIRVOYANT, sees, CLAIRVOYANT_SEAS)
     return found
 
 
@@ -524,8 +535,8 @@ def run_contest(
         return arrays
 
     found: dict[str, Outcome] = {}
-    oracles: dict[str, Array] = {}
-    known: list[Array] = []
+    costs: dict[str, list[Array]] = {}
+    several: dict[str, list[dict[str, Array]]] = {}
     parts = parts_of(
         scenario,
         entries,
@@ -537,16 +548,15 @@ def run_contest(
         n_stored=n_stored,
     )
     for part in parts:
-        if part.entry is not None:
-            found[part.label] = (
-                part.outcome(progress)
-                if folder is None
-                else outcome_of(kept(part), part.entry, scenario.control_dt)
-            )
-        elif part.label == CLAIRVOYANT:
-            known.append(kept(part)["cost"])
+        if part.entry is None:
+            costs.setdefault(part.label, []).append(kept(part)["cost"])
+        elif folder is None and len(part.seeds) == len(seeds):
+            found[part.label] = part.outcome(progress)
         else:
-            oracles[part.label] = kept(part)["cost"]
+            rows = several.setdefault(part.label, [])
+            rows.append(kept(part))
+            found[part.label] = outcome_of(joined_arrays(rows), part.entry, scenario.control_dt)
+    oracles = {label: np.concatenate(rows) for label, rows in costs.items() if label != CLAIRVOYANT}
     free = found[locked_among(entries, scenario).label].values["payload_heave_std"]
     optima = {
         sees: optimal_cost(dataclasses.replace(scenario, information_set=sees))
@@ -559,7 +569,7 @@ def run_contest(
         if oracles:
             values["cost_over_oracle"] = values["cost"] / list(oracles.values())[-1]
         outcomes.append(dataclasses.replace(item, values=values, optimal_cost=optima[entry.information_set]))
-    least = np.concatenate(known) if known else None
+    least = np.concatenate(costs[CLAIRVOYANT]) if clairvoyant else None
     return Contest(scenario, parts[0].scored, outcomes, causal_bound(scenario), least, oracles)
 
 

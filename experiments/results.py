@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -145,6 +146,21 @@ def outcome_arrays(outcome: Outcome) -> dict[str, Array]:
         narrow = part in ("states", "steps")
         arrays |= {f"{part}/{name}": row.astype(np.float32) if narrow else row for name, row in rows.items()}
     return arrays
+
+
+def joined_arrays(parts: Sequence[dict[str, Array]]) -> dict[str, Array]:
+    """What is kept of an outcome whose seas were run in several parts, without time series and spectra."""
+    first = parts[0]
+    if len(parts) == 1:
+        return first
+    counts = [len(part["values/cost"]) for part in parts]
+    joined = {
+        name: np.concatenate([part[name] for part in parts])
+        for name in first
+        if name.startswith(("values/", "ends/"))
+    }
+    times = [float(part["decision_time"]) for part in parts]
+    return first | joined | {"decision_time": np.array(np.average(times, weights=counts))}
 
 
 def outcome_of(arrays: dict[str, Array], entry: Entry, control_dt: float) -> Outcome:

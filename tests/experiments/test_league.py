@@ -20,12 +20,12 @@ pytest.importorskip("safetensors")
 
 from agents.policy import Architecture, TrainedPolicy, policy_card, save_policy
 from experiments import cli, league_page, report, runs
-from experiments.compare import controller_of
+from experiments.compare import controller_of, entry_of, run_contest
 from experiments.leaderboard import LEAST_SEAS, best, ranked, ratios
 from experiments.league import chosen_variants, contestants, league, printed
 from experiments.processes import ONE_THREAD, shared_out
 from experiments.report import significant
-from experiments.rollout import FIRST_TEST_SEED, rollout
+from experiments.rollout import FIRST_TEST_SEED, rollout, with_duration
 from heave_env.scenarios import load
 
 SCENARIOS = ("thesis_linear", "unknown_linear")
@@ -399,6 +399,29 @@ def test_an_interrupted_league_goes_on_where_it_was(folder, asked, tmp_path, mon
     files = {name: (out / name).read_bytes() for name in ("episodes.csv", "leaderboard.csv")}
     league(chosen, asked, out=out, oracle=True, **GIVEN)
     assert all((out / name).read_bytes() == content for name, content in files.items())
+
+
+def test_slow_controllers_are_run_and_kept_by_some_seas_at_a_time(tmp_path, monkeypatch):
+    place = with_duration(load("unknown_linear"), 20.0)
+    entries = [entry_of(name, name, place) for name in ("none", "lqg")]
+    seeds = range(FIRST_TEST_SEED, FIRST_TEST_SEED + 5)
+    found = {}
+    for name in ("whole", "parts"):
+        found[name] = run_contest(place, entries, seeds, n_stored=0, oracle=True, folder=tmp_path / name)
+        monkeypatch.setattr("experiments.compare.SLOW", ("lqg",))
+        monkeypatch.setattr("experiments.compare.SLOW_SEAS", 2)
+    names = {path.stem for path in (tmp_path / "parts").rglob("*.npz")}
+    assert {name.rpartition("-")[0] or name for name in names} == {
+        "none",
+        *(f"{label}_{first}" for label in ("lqg", "oracle") for first in (0, 2, 4)),
+    }
+    whole, parts = (found[name].outcomes[1] for name in ("whole", "parts"))
+    for metric, row in whole.values.items():
+        np.testing.assert_allclose(parts.values[metric], row, rtol=1e-9, atol=1e-12, err_msg=metric)
+    for end, row in whole.ends.items():
+        np.testing.assert_array_equal(parts.ends[end], row)
+    np.testing.assert_allclose(found["parts"].oracles["oracle"], found["whole"].oracles["oracle"], rtol=1e-9)
+    assert parts.decision_time > 0.0 and parts.batch == 2
 
 
 @pytest.mark.parametrize(
