@@ -180,13 +180,12 @@ def _give_quadratic(critic: ContinuousCritic | TqcCritic, n_outputs: int, rank: 
     """Puts the quadratic skip into each of a critic's networks."""
     networks: list[Any] = critic.q_networks
     for i, network in enumerate(networks):
-        wrapped = QuadraticSkip(network, network[0].in_features, n_outputs, rank)
-        networks[i] = wrapped
-        critic.add_module(f"qf{i}", wrapped)
+        networks[i] = QuadraticSkip(network, network[0].in_features, n_outputs, rank)
+        critic.add_module(f"qf{i}", networks[i])
 
 
 class SkipSacPolicy(SACPolicy):
-    """SAC's policy: the actor with the linear skip, the critics with the quadratic one."""
+    """SAC's policy: the actor with the linear skip, and critics that may have the quadratic one."""
 
     def __init__(self, *args: Any, quadratic_rank: int = 0, **kwargs: Any) -> None:
         self.quadratic_rank = quadratic_rank

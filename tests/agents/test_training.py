@@ -190,30 +190,56 @@ def test_a_resumed_training_ends_with_the_same_bits(tmp_path, monkeypatch, algor
     same_results(trained(tmp_path / "parts", algorithm), whole)
 
 
-def test_a_killed_training_ends_with_the_same_bits(tmp_path):
-    preset = {**PPO, "total_steps": 6144}
+def in_a_process(folder: Path, algorithm: str, preset: dict) -> subprocess.Popen:
+    """A training in a process of its own, which saves its state as often as it can."""
     program = (
         "import json, sys\n"
         "from agents.train import train\n"
-        f"train({SCENARIO.name!r}, seed=1, out=sys.argv[1], preset=json.loads(sys.argv[2]), progress=False,"
-        " save_every=0.0)\n"
+        f"train({SCENARIO.name!r}, algorithm={algorithm!r}, seed=1, out=sys.argv[1],"
+        " preset=json.loads(sys.argv[2]), progress=False, save_every=0.0)\n"
     )
-    command = [sys.executable, "-c", program, str(tmp_path / "killed"), json.dumps(preset)]
-    environment = {**os.environ, "OMP_NUM_THREADS": "1"}
-    state = tmp_path / "killed" / "resume" / "state.json"
-    for _ in range(2):
-        process = subprocess.Popen(command, cwd=ROOT, env=environment)
-        begin = time.monotonic()
-        seen = state.stat().st_mtime_ns if state.exists() else 0
-        while process.poll() is None and time.monotonic() - begin < 60.0:
-            if state.exists() and state.stat().st_mtime_ns != seen:
-                process.kill()
-                break
-            time.sleep(0.002)
-        assert process.wait() == -signal.SIGKILL, "the training ended before it could be killed"
-    subprocess.run(command, cwd=ROOT, env=environment, check=True)
+    command = [sys.executable, "-c", program, str(folder), json.dumps(preset)]
+    return subprocess.Popen(command, cwd=ROOT, env={**os.environ, "OMP_NUM_THREADS": "1"})
+
+
+def killed_after(folder: Path, process: subprocess.Popen, watched: str, delay: float) -> bool:
+    """Whether it was still at work when it was killed, some time after a file of its run was next written."""
+    path = folder / watched
+    before = path.stat().st_mtime_ns if path.exists() else 0
+    begin = time.monotonic()
+    while process.poll() is None and time.monotonic() - begin < 120.0:
+        if path.exists() and path.stat().st_mtime_ns != before:
+            time.sleep(delay)
+            process.kill()
+            break
+        time.sleep(0.002)
+    return process.wait() == -signal.SIGKILL
+
+
+def test_a_killed_training_ends_with_the_same_bits(tmp_path):
+    preset, folder = {**PPO, "total_steps": 4096}, tmp_path / "killed"
+    assert killed_after(folder, in_a_process(folder, "ppo", preset), "resume/state.json", 0.0)
     whole = train(SCENARIO, seed=1, out=tmp_path / "whole", preset=preset, progress=False)
-    same_results(tmp_path / "killed", whole)
+    same_results(train(SCENARIO, seed=1, out=folder, preset=preset, progress=False), whole)
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("algorithm", ["ppo", "recurrent_ppo", "sac"])
+def test_a_training_may_be_killed_at_any_moment(tmp_path, algorithm):
+    """From before its first file on: whatever the moment, the same command ends with the same bits."""
+    steps = {"ppo": 60_000, "recurrent_ppo": 30_000, "sac": 12_000}[algorithm]
+    preset = {**SMALL[algorithm], "total_steps": steps, "evaluate_every": 4096, "checkpoint_every": 8192}
+    folder, rng = tmp_path / "killed", np.random.default_rng()
+    moments = [("run.json", 0.0), *(("run.json", rng.uniform(0.0, 3.0)) for _ in range(5))]
+    killed = [
+        killed_after(folder, in_a_process(folder, algorithm, preset), watched, delay)
+        for watched, delay in moments
+    ]
+    print(f"{algorithm}: killed {sum(killed)} times, {[round(delay, 3) for _, delay in moments]} s into it")
+    assert sum(killed) > 1
+    assert in_a_process(folder, algorithm, preset).wait() == 0
+    whole = train(SCENARIO, algorithm=algorithm, seed=1, out=tmp_path / "w", preset=preset, progress=False)
+    same_results(folder, whole)
 
 
 def interrupted(folder: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
