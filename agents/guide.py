@@ -199,14 +199,23 @@ def _guide(card: Mapping[str, Any], scenario: Scenario) -> Guide:
     options = dict(card["options"])
     # A weight of its own tells a design that it is not to be tuned again.
     controller = DESIGNERS[name](scenario.design_basis, **options) if options else design(name, scenario)
+    try:
+        return beside(controller, mode=mode, reach=float(card["reach"]), card=dict(card))
+    except ValueError as error:
+        raise ValueError(f"guide {name!r} in scenario {scenario.name!r}: {error}") from error
+
+
+def beside(
+    controller: LinearController, *, mode: str, reach: float, card: Mapping[str, Any] | None = None
+) -> Guide:
+    """A designed controller as a guide.
+
+    Raises:
+        ValueError: If it has no estimate to show, or the mode wants another one.
+    """
     found = getattr(controller, "estimator", None)
     if mode == "rate" and not isinstance(controller, PredictiveController):
-        raise ValueError(
-            f"guide_mode 'rate' needs a predictive controller as guide, got {name!r}: choose mpc"
-        )
+        raise ValueError("guide_mode 'rate' needs a predictive controller: choose mpc")
     if not isinstance(found, (KalmanFilter, Estimator)):
-        raise ValueError(
-            f"guide {name!r} has no Kalman filter whose estimate an agent could see in scenario "
-            f"{scenario.name!r}: choose lqg or mpc"
-        )
-    return Guide(controller, found, mode, float(card["reach"]), dict(card))
+        raise ValueError("it has no Kalman filter whose estimate an agent could see: choose lqg or mpc")
+    return Guide(controller, found, mode, reach, card or {})

@@ -11,23 +11,27 @@ Source: Ross, Gordon and Bagnell (2011), DAgger.
 
 from __future__ import annotations
 
-from typing import Any
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from typing import Any, Protocol
 
 import numpy as np
 import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
-from agents.guide import Guide
+from agents.guide import Guide, Look, beside, make_guide
 from agents.guided_env import GuidedVecEnv, command_given, surroundings
 from agents.networks import actor_mean
+from baselines.oracle import DESIGNS as ORACLES
+from baselines.oracle import oracle
 from heave_env.scenarios import Scenario
 
-N_ROWS = 256
+N_ROWS = 120
 """Seas driven side by side [-]."""
 N_ROUNDS = 8
 """Rounds; the teacher itself drives the first [-]."""
-ROUND_STEPS = 400
-"""Control steps of a round [-]."""
+ROUND_STEPS = 900
+"""Control steps of a round, each of which has seas of its own, at most an episode [-]."""
 SETTLING = 100
 """Control steps from the start of an episode that are not learned from [-]."""
 N_EPOCHS = 5
@@ -40,10 +44,91 @@ AT_LIMIT = 1e-6
 LEARNING_RATE = 2e-3
 
 
+class Teacher(Protocol):
+    """Who says what it would have done, and is told what was done."""
+
+    @property
+    def n_memory(self) -> int:
+        """Numbers remembered from step to step [-]."""
+
+    def look(self, observation: np.ndarray, memory: np.ndarray) -> Any:
+        """What it makes of measurements (n_rows, n_observations); its own `command` is (n_rows, 1) [m]."""
+
+    def advance(self, memory: np.ndarray, look: Any, command: np.ndarray) -> np.ndarray:
+        """Next memory after the command that was given (n_rows, 1) [m]."""
+
+
+@dataclass(frozen=True)
+class _Looks:
+    """What a teacher for each row makes of its row."""
+
+    command: np.ndarray
+    each: list[Look]
+
+
+@dataclass(frozen=True)
+class Oracle:
+    """A teacher for each row, who knows what its sea's episode drew: it shows what an agent should come to,
+    who must find out from what it sees.
+
+    Source: Chen et al. (2020).
+    """
+
+    teachers: Sequence[Guide]
+
+    @property
+    def n_memory(self) -> int:
+        """The most that any of them remembers [-]."""
+        return max(teacher.n_memory for teacher in self.teachers)
+
+    def look(self, observation: np.ndarray, memory: np.ndarray) -> _Looks:
+        """Row by row."""
+        looks = [
+            teacher.look(observation[row : row + 1], memory[row : row + 1, : teacher.n_memory])
+            for row, teacher in enumerate(self.teachers)
+        ]
+        return _Looks(np.vstack([look.command for look in looks]), looks)
+
+    def advance(self, memory: np.ndarray, look: _Looks, command: np.ndarray) -> np.ndarray:
+        """Row by row."""
+        following = np.zeros_like(memory)
+        for row, (teacher, own) in enumerate(zip(self.teachers, look.each, strict=True)):
+            n = teacher.n_memory
+            following[row, :n] = teacher.advance(memory[row : row + 1, :n], own, command[row : row + 1])[0]
+        return following
+
+
+@dataclass(frozen=True)
+class School:
+    """Where teachers come from."""
+
+    card: Mapping[str, Any]
+    """Who teaches, and with what weights."""
+    teacher: Callable[[Sequence[int]], Teacher]
+    """The teacher for the seas of these seeds."""
+
+
+def school(name: str, scenario: Scenario) -> School:
+    """Designs (and, where that is due, tunes) a teacher: a designed controller with a filter, or an oracle.
+
+    Raises:
+        ValueError: If the name is unknown, or the controller has no filter that could be told what was done.
+    """
+    if name not in ORACLES:
+        guide = make_guide(name, scenario, mode="estimate", reach=1.0)
+        return School(guide.card, lambda seeds: guide)
+
+    def teacher(seeds: Sequence[int]) -> Teacher:
+        found = oracle(scenario, seeds, design=name)
+        return Oracle([beside(found.controllers[i], mode="estimate", reach=1.0) for i in found.chosen])
+
+    return School({"controller": name}, teacher)
+
+
 def imitate(
     model: BaseAlgorithm,
     scenario: Scenario,
-    teacher: Guide,
+    school: School,
     guide: Guide | None,
     *,
     privileged: bool,
@@ -56,7 +141,7 @@ def imitate(
     Args:
         model: The algorithm, its actor as it starts.
         scenario: As the agent sees it.
-        teacher: Who is imitated.
+        school: Where those come from who are imitated.
         guide: The designed controller beside the agent, if there is one.
         privileged: Whether the truth stands behind the observation, for the critic.
         excitation: Deviation of the white noise on the action while data are gathered [-].
@@ -71,23 +156,28 @@ def imitate(
     n_raw = len(scenario.observation_names)
     rng = np.random.default_rng([seed, first_sea])
     generator = torch.Generator().manual_seed(seed)
-    env.seed(first_sea)
-    seen = np.asarray(env.reset())
-    memory = np.zeros((N_ROWS, teacher.n_memory))
-    reach = teacher.controller.command_range
+    reach = scenario.winch.command_range
     ends = np.full((N_ROWS, 1), reach)
+    n_steps = min(ROUND_STEPS, scenario.n_steps - 1)
     observations: list[np.ndarray] = []
     targets: list[np.ndarray] = []
     left = float("nan")
     for turn in range(N_ROUNDS):
         fresh: tuple[list[np.ndarray], list[np.ndarray]] = ([], [])
-        for step in range(ROUND_STEPS):
+        first = first_sea + turn * N_ROWS
+        teacher = school.teacher(range(first, first + N_ROWS))
+        env.seed(first)
+        seen = np.asarray(env.reset())
+        memory = np.zeros((N_ROWS, teacher.n_memory))
+        running = np.ones(N_ROWS, dtype=bool)
+        for step in range(n_steps):
             look = teacher.look(seen[:, :n_raw], memory)
             target = _action(env, look.command, reach)
-            if turn > 0 or step >= SETTLING:
+            if step >= min(SETTLING, n_steps // 2):
                 least, most = _action(env, -ends, reach), _action(env, ends, reach)
-                fresh[0].append(seen.copy())
-                fresh[1].append(np.hstack([target, target <= least + AT_LIMIT, target >= most - AT_LIMIT]))
+                told = np.hstack([target, target <= least + AT_LIMIT, target >= most - AT_LIMIT])
+                fresh[0].append(seen[running])
+                fresh[1].append(told[running])
             action = target if turn == 0 else _mean(model, seen)
             noise = excitation * rng.standard_normal((N_ROWS, 1))
             env.step_async(np.clip(action + noise, -1.0, 1.0))
@@ -95,7 +185,10 @@ def imitate(
             seen, _, done, _ = env.step_wait()
             seen = np.asarray(seen)
             memory = teacher.advance(memory, look, command)
-            memory[done] = 0.0
+            # A row whose operation failed is in a sea now that the teacher was not made for.
+            running &= ~done
+            if not running.any():
+                break
         gathered, wanted = np.concatenate(fresh[0]), np.concatenate(fresh[1])
         if turn == N_ROUNDS - 1:
             missed = _missed(torch.as_tensor(_mean(model, gathered)[:, 0]), torch.as_tensor(wanted))

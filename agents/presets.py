@@ -55,14 +55,17 @@ class Preset:
     guide_reach: float = 0.1
     """Share of the command range that a residual action of one adds, or of the fastest rate that it means
     [-]."""
+    guide_shown: bool = True
+    """Whether the agent sees the guide's estimate; false: the sensors alone, and the guide only turns its
+    action into a command."""
     privileged_critic: bool = False
     """Whether the critic sees the plant's true state and parameters, PPO alone; the actor never does."""
     logarithmic_reward: bool = False
     """Whether the logarithm of the stage cost is learned from: where parameters are unknown a few rough
     episodes would rule the mean."""
     teacher: str | None = None
-    """Designed controller with a Kalman filter whose commands the actor is fitted to before it learns; null:
-    none."""
+    """Whose commands the actor is fitted to before it learns: a designed controller with a Kalman filter, or
+    `oracle` or `oracle_mpc`, who know what each episode drew; null: nobody's."""
     excitation: float = 0.05
     """Deviation of the white noise on the action while that covariance is gathered [command range]."""
     feature_bound: float = 15.0
@@ -80,8 +83,8 @@ class Preset:
     gamma: float
     """Discount per control step [-]."""
     critic_first: int = 0
-    """Environment steps in which the actor stands still while the critic learns [-]: an untrained critic would
-    undo a warm start."""
+    """Environment steps in which the actor stands still while the critic learns [-]: an untrained critic
+    would undo a warm start."""
     critic_epochs: int = 1
     """Times as many epochs as later that PPO's critic goes through each rollout while the actor stands still
     [-]."""
@@ -135,7 +138,7 @@ class Preset:
             require_number(self, field, positive=True)
         for field in ("final_learning_rate", "burn_in"):
             require_number(self, field, non_negative=True)
-        for field in ("warm_start", "privileged_critic", "logarithmic_reward"):
+        for field in ("warm_start", "guide_shown", "privileged_critic", "logarithmic_reward"):
             require(isinstance(getattr(self, field), bool), self, field, "true or false")
         require(self.guide_mode in MODES, self, "guide_mode", f"one of {', '.join(MODES)}")
         require_number(self, "guide_reach", positive=True)

@@ -38,7 +38,7 @@ from stable_baselines3.common.vec_env import VecEnvWrapper
 from agents import checkpoint, networks
 from agents.guide import Guide, guide_from_card, make_guide
 from agents.guided_env import GuidedVecEnv, PrivilegedVecEnv, surroundings
-from agents.imitation import imitate
+from agents.imitation import imitate, school
 from agents.policy import TrainedPolicy, policy_card, save_policy
 from agents.presets import Preset, load_preset
 from agents.run_folder import (
@@ -284,14 +284,15 @@ def widened_groundwork(
     gathered, given = np.concatenate(observations), np.concatenate(actions)
     size = np.maximum(np.sqrt(np.mean(gathered**2, axis=0)), 1e-9)
     # A predictive controller's estimate holds all that the measurements tell; beside it they are noise.
-    first = n_raw if guide is not None and guide.mode == "rate" else 0
-    scaled = gathered[:, first:n_actor] / size[first:n_actor]
+    first = n_raw if guide is not None and guide.mode == "rate" and settings.guide_shown else 0
+    seen_by_actor = slice(first, n_actor if settings.guide_shown else n_raw)
+    scaled = gathered[:, seen_by_actor] / size[seen_by_actor]
     variance, axes = np.linalg.eigh(scaled.T @ scaled / len(scaled))
     floor = 1e-6 * float(variance[-1])
     transform = np.diag(1.0 / size)
     transform[:n_actor] = 0.0
-    transform[first:n_actor, first:n_actor] = (axes / np.sqrt(np.maximum(variance, floor))).T
-    transform[first:n_actor] /= size
+    transform[seen_by_actor, seen_by_actor] = (axes / np.sqrt(np.maximum(variance, floor))).T
+    transform[:n_actor] /= size
     gain: np.ndarray = np.zeros(n_actor)
     if settings.warm_start and (controller is not None or (guide is not None and guide.mode != "residual")):
         components = gathered[:, :n_actor] @ transform[:n_actor, :n_actor].T
@@ -518,18 +519,18 @@ class _Training:
         model = build_model(settings, env, ground, self.seed)
         env.seed(self.first_sea)
         if saved is None and settings.teacher is not None:
-            teacher = make_guide(settings.teacher, self.scenario, mode="estimate", reach=1.0)
+            teachers = school(settings.teacher, self.scenario)
             left = imitate(
                 model,
                 self.scenario,
-                teacher,
+                teachers,
                 guide,
                 privileged=settings.privileged_critic,
                 excitation=0.2 * settings.excitation,
                 first_sea=self.first_sea,
                 seed=self.seed,
             )
-            run.content["imitation"] = {"teacher": dict(teacher.card), "left": left}
+            run.content["imitation"] = {"teacher": dict(teachers.card), "left": left}
         supervisor = _Supervisor(self, model, batch, env, guide)
         if saved is not None:
             supervisor.restore(*saved)
