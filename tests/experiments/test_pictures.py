@@ -247,6 +247,43 @@ def test_names_keep_clear_of_points_and_of_each_other():
     assert not any(box.contains(*point) for box in own for point in points)
 
 
+# Linear sRGB as those see it who lack the receptor of long or of medium waves: Machado, Oliveira and
+# Fernandes (2009), A physiologically-based model for simulation of color vision deficiency, IEEE Transactions on
+# Visualization and Computer Graphics 15(6), 1291-1298, severity 1.
+SEEN = {
+    "all": np.eye(3),
+    "no red": [
+        [0.152286, 1.052583, -0.204868],
+        [0.114503, 0.786281, 0.099216],
+        [-0.003882, -0.048116, 1.051998],
+    ],
+    "no green": [
+        [0.367322, 0.860646, -0.227968],
+        [0.280085, 0.672501, 0.047413],
+        [-0.01182, 0.04294, 0.968881],
+    ],
+}
+
+
+def cielab(rgb):
+    xyz = np.array([[0.4124, 0.3576, 0.1805], [0.2126, 0.7152, 0.0722], [0.0193, 0.1192, 0.9505]]) @ rgb
+    f = np.cbrt(xyz / np.array([0.9505, 1.0, 1.089]))
+    return np.array([116.0 * f[1] - 16.0, 500.0 * (f[0] - f[1]), 200.0 * (f[1] - f[2])])
+
+
+@pytest.mark.parametrize("who", SEEN)
+def test_colours_stay_apart_for_those_who_lack_a_receptor(who):
+    """By ten units of CIELAB and more, where two or three can just be told."""
+    seen = []
+    for colour in figures.COLOURS:
+        given = np.array([int(colour[i : i + 2], 16) for i in (1, 3, 5)]) / 255.0
+        linear = np.where(given <= 0.04045, given / 12.92, ((given + 0.055) / 1.055) ** 2.4)
+        seen.append(cielab(np.clip(np.asarray(SEEN[who]) @ linear, 1e-3, 1.0)))
+    least = min(np.linalg.norm(one - other) for one, other in itertools.combinations(seen, 2))
+    print(f"{who}: {least:.1f}")
+    assert least > 10.0
+
+
 def test_heights_are_set_apart_and_stay_in_order():
     found = figures.apart([0.0, 1.0, 1.0, 50.0, 99.0, 100.0], 10.0, 0.0, 100.0)
     assert found == sorted(found)
