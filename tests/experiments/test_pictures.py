@@ -248,8 +248,8 @@ def test_names_keep_clear_of_points_and_of_each_other():
 
 
 # Linear sRGB as those see it who lack the receptor of long or of medium waves: Machado, Oliveira and
-# Fernandes (2009), A physiologically-based model for simulation of color vision deficiency, IEEE Transactions on
-# Visualization and Computer Graphics 15(6), 1291-1298, severity 1.
+# Fernandes (2009), A physiologically-based model for simulation of color vision deficiency, IEEE
+# Transactions on Visualization and Computer Graphics 15(6), 1291-1298, severity 1.
 SEEN = {
     "all": np.eye(3),
     "no red": [

@@ -19,6 +19,7 @@ from experiments.statistics import (
     middle_mean,
     performance_profile,
     probability_of_improvement,
+    profile_band,
 )
 
 
@@ -48,6 +49,24 @@ def test_a_performance_profile_is_the_distribution():
     scores = np.array([[1.0, 2.0], [3.0, 4.0]])
     shares = performance_profile(scores, np.array([0.5, 1.0, 2.5, 4.0]))
     np.testing.assert_allclose(shares, [0.0, 0.25, 0.5, 1.0])
+
+
+def test_a_profile_over_scenarios_counts_each_alike_and_its_band_is_the_bootstraps():
+    rng = np.random.default_rng(4)
+    strata = [rng.uniform(0.0, 2.0, (3, 7)), rng.uniform(0.5, 1.5, (1, 30))]
+    thresholds = np.array([0.6, 1.0, 1.9])
+    value, low, high = profile_band(strata, thresholds, n_resamples=400)
+    counted = [np.mean([np.mean(part <= at) for part in strata]) for at in thresholds]
+    np.testing.assert_allclose(value, counted)
+    for i, at in enumerate(thresholds):
+
+        def share(scores, drawn, at=at):
+            return mean([(scores[0] <= at).astype(float)], drawn)
+
+        found = bootstrap(share, [[part] for part in strata], n_resamples=400)
+        assert (found.value, found.low, found.high) == pytest.approx((value[i], low[i], high[i]))
+    with pytest.raises(ValueError, match="at least one scenario"):
+        profile_band([], thresholds)
 
 
 def test_an_interval_covers_the_truth_as_often_as_it_says():
