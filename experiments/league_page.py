@@ -20,6 +20,9 @@ Cell = dict[str, str]
 Column = tuple[str, str, str, float, bool]
 """Heading, explanation, quantity, factor to the shown unit, and whether the interval is shown."""
 
+NEAR_BOUND = 100.0
+"""The causal bound is shown where anybody's payload comes within this factor of it: a smooth sea can be
+foreseen so well that it says nothing [-]."""
 SPREAD_TEXT = (("median", "median"), ("p95", "95 %"), ("maximum", "maximum"))
 YARDSTICK_TEXT = {
     "optimum": "the proven optimum with what the contestant sees",
@@ -67,6 +70,12 @@ def cost_columns(told: dict[str, Any], reference: str) -> list[Column]:
 def load_columns(told: dict[str, Any], reference: str) -> list[Column]:
     """Columns of motion and load, those that exist."""
     found = {key for entry in told["entries"].values() for key in entry["quantities"]}
+    over_bound = "payload_heave_std_ratio_to_bound"
+    nearest = [
+        entry["quantities"].get(over_bound, {"value": None})["value"] for entry in told["entries"].values()
+    ]
+    if not any(value is not None and value < NEAR_BOUND for value in nearest):
+        found.discard(over_bound)
     columns: list[Column] = [("payload std [mm]", "of heave, mean", "payload_heave_std", 1e3, True)]
     columns += [
         (text, "payload std [mm]", f"payload_heave_std_{key}", 1e3, False) for key, text in SPREAD_TEXT

@@ -354,6 +354,17 @@ def test_a_ratio_to_nothing_is_no_number():
     np.testing.assert_array_equal(found, [[np.nan, 0.5, np.nan]])
 
 
+def test_a_bound_that_says_nothing_is_left_off_the_page(folder):
+    summary = json.loads((folder / "leaderboard.json").read_text(encoding="utf-8"))
+    quantity = "payload_heave_std_ratio_to_bound"
+    item = next(item for item in summary["standings"] if item["scenario"] == "thesis_linear")
+    found = [entry["quantities"][quantity] for entry in item["entries"].values()]
+    assert min(number["value"] for number in found) > 100.0
+    assert quantity not in [column[2] for column in league_page.load_columns(item, "lqg")]
+    found[0]["value"] = 1.5
+    assert quantity in [column[2] for column in league_page.load_columns(item, "lqg")]
+
+
 def test_the_page_is_redrawn_without_simulating(folder, monkeypatch):
     def refuse(*arguments, **options):
         raise AssertionError("a report simulates nothing")
