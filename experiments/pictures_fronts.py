@@ -265,7 +265,8 @@ COLUMNS = (
     ),
     *(f"on front of {measure}" for measure in MEASURES),
 )
-"""Columns of the table beside the picture: `kind` is `swept` (weights of a design) or `entry`."""
+"""Columns of the table beside the picture: `kind` is `swept` (weights of a design), `entry`, or `training`
+(one of an entry that has several)."""
 
 
 def fronts_picture(scored: Scored, swept: dict[str, list[Choice]]) -> Picture:
@@ -279,6 +280,7 @@ def fronts_picture(scored: Scored, swept: dict[str, list[Choice]]) -> Picture:
         entry: {metric: scored.number(entry, metric) for metric in (STD, *MEASURES)}
         for entry in scored.values
     }
+    single = {entry: _every_training(scored, entry) for entry in entries}
     names = [*scored.names, *(design for design in swept if design not in scored.names)]
     measures = [
         measure for measure in MEASURES if any(numbers[measure] is not None for numbers in entries.values())
@@ -294,13 +296,16 @@ def fronts_picture(scored: Scored, swept: dict[str, list[Choice]]) -> Picture:
     for entry, numbers in entries.items():
         seas = (len(scored.values[entry]["cost"]), scored.n_seas, scored.failed(entry))
         rows.append(("entry", entry, *(None for _ in WEIGHTS), None, *seas, *_numbers(numbers), *(None,) * 3))
-
+        for alone in single[entry]:
+            whole = (*(None for _ in WEIGHTS), None, 1, scored.n_seas, None)
+            rows.append(("training", entry, *whole, *_numbers(alone), *(None,) * 3))
     title = f"{scored.scenario.name}: motion left against what it takes"
     failed = {entry: scored.failed(entry) for entry in entries}
 
     def draw(figure: Any) -> None:
-        draw_fronts(figure, title, entries, failed, swept, measures, names)
+        draw_fronts(figure, title, entries, failed, swept, measures, names, single)
 
+    several = "; small circles, or arrows at the frame: single trainings" if any(single.values()) else ""
     designs = " and ".join(swept)
     return Picture(
         kind="fronts",
@@ -308,9 +313,10 @@ def fronts_picture(scored: Scored, swept: dict[str, list[Choice]]) -> Picture:
         caption=(
             f"{scored.scenario.name}: standard deviation of payload heave against "
             f"{' and '.join(MEASURES[measure][0] for measure in measures)}. Lines: {designs} over their "
-            "weights (small dots: every choice tried; ring: the tuned one). Bars and bands: 95 % intervals "
-            f"of the mean over {scored.n_seas} seas and trainings; all share the seas {scored.first_seed} to "
-            f"{scored.first_seed + scored.n_seas - 1}, so that differences are surer than the bars say."
+            f"weights (small dots: every choice tried; ring: the tuned one){several}. Bars and bands: 95 % "
+            f"intervals of the mean over {scored.n_seas} seas and trainings; all share the seas "
+            f"{scored.first_seed} to {scored.first_seed + scored.n_seas - 1}, so that differences are surer "
+            "than the bars say."
         ),
         draw=draw,
         size=size_of(measures),
@@ -318,6 +324,20 @@ def fronts_picture(scored: Scored, swept: dict[str, list[Choice]]) -> Picture:
         rows=rows,
         about={"scenario": scored.scenario.name, "first_seed": scored.first_seed, "n_seeds": scored.n_seas},
     )
+
+
+def _every_training(scored: Scored, entry: str) -> list[dict[str, Quantity]]:
+    """Each training's means by metric, of an entry that has several."""
+    values = scored.values[entry]
+    if len(values["cost"]) < 2:
+        return []
+    found: list[dict[str, Quantity]] = [{} for _ in values["cost"]]
+    for metric in (STD, *MEASURES):
+        for row, numbers in zip(values.get(metric, ()), found, strict=False):
+            number = estimated(mean, [[row[None]]], METRICS[metric].unit)
+            if number is not None:
+                numbers[metric] = number
+    return found
 
 
 def _numbers(numbers: dict[str, Any]) -> list[float | None]:
@@ -379,6 +399,7 @@ def draw_fronts(
     swept: dict[str, list[Choice]],
     measures: Sequence[str],
     names: Sequence[str],
+    single: dict[str, list[dict[str, Quantity]]] | None = None,
 ) -> None:
     """Draws everybody as a point with its intervals, and the fronts of designs.
 
@@ -390,78 +411,105 @@ def draw_fronts(
         swept: By design, its choices.
         measures: What motion is held against, a panel for each.
         names: Everybody, in the order that gives them colours.
+        single: By contestant the numbers of each of its trainings, if it has several.
     """
     entries = {entry: _at_rest(numbers) for entry, numbers in entries.items()}
-    colours, dashes = figures.colour_of(names), figures.dashes_of(names)
     axes = figure.subplots(1, len(measures), squeeze=False, sharey=True)[0]
     stds = [numbers[STD].value for numbers in entries.values() if numbers[STD] is not None]
     for found in swept.values():
         stds += [item.numbers[STD].value for item in front(found, measures[0])]
     scale, unit = figures.metres(float(np.exp(np.mean(np.log(stds)))) if stds else 1.0)
-    jobs = []
-    for axis, measure in zip(axes, measures, strict=True):
-        words, factor, shown_unit = MEASURES[measure]
-        points: list[tuple[str, float, float, str]] = []
-        curves: list[Array] = []
+    panels = [_Panel(axis, measure, scale, names) for axis, measure in zip(axes, measures, strict=True)]
+    for panel in panels:
         for design, found in swept.items():
-            on = front(found, measure)
-            seen = [item for item in found if not item.failed and {STD, measure} <= set(item.numbers)]
-            axis.plot(
-                [factor * item.numbers[measure].value for item in seen],
-                [scale * item.numbers[STD].value for item in seen],
-                ls="",
-                marker=".",
-                ms=4,
-                color=colours[design],
-                alpha=0.45,
-                label=f"{design} swept",
-            )
-            if not on:
-                continue
-            x = np.array([factor * item.numbers[measure].value for item in on])
-            y = np.array(
-                [[scale * _end(item.numbers[STD], end) for item in on] for end in ("", "low", "high")]
-            )
-            axis.fill_between(x, y[1], y[2], color=colours[design], alpha=0.13, lw=0)
-            axis.plot(x, y[0], color=colours[design], ls=dashes[design], lw=1.8, label=f"{design} front")
-            curves.append(np.column_stack([x, y[0]]))
-            middle = len(on) // 2
-            points.append((f"{design}, all weights", float(x[middle]), float(y[0][middle]), colours[design]))
-            for item in found:
-                if item.tuned and item in seen:
-                    at = (factor * item.numbers[measure].value, scale * item.numbers[STD].value)
-                    axis.plot(*at, marker="o", ms=9, mfc="none", mec=colours[design], mew=1.4)
-        still = []
+            panel.draw_front(design, found)
         for entry, numbers in entries.items():
-            across, up = numbers[measure], numbers[STD]
-            if across is None or up is None:
-                continue
-            x, y = factor * across.value, scale * up.value
             failed = failures[entry]
-            name = f"{entry} ({failed} failed)" if failed else entry
-            if across.value <= 0.0:
-                still.append((name, y, colours[entry]))
-                axis.axhline(y, color=colours[entry], lw=1.4, ls=(0, (4, 2)), label=entry)
-                continue
-            bars = {"xerr": _bar(across, factor), "yerr": _bar(up, scale)}
-            style = {"elinewidth": 1.0, "mec": "#ffffff", "mew": 0.8, "color": colours[entry], "zorder": 4}
-            axis.errorbar(x, y, fmt="o", ms=6.5, label=entry, **bars, **style)
-            points.append((name, x, y, colours[entry]))
-            reach = (bars["xerr"][0][0], bars["xerr"][1][0], bars["yerr"][0][0], bars["yerr"][1][0])
-            curves.append(np.array([[x - reach[0], y], [x + reach[1], y]]))
-            curves.append(np.array([[x, y - reach[2]], [x, y + reach[3]]]))
-        _scale(axis, "x", *(factor * end for end in _ends(entries, swept, measure, measure)))
-        if axis is axes[0]:
-            _scale(axis, "y", *(scale * end for end in _ends(entries, swept, measure, STD)))
-        axis.set_xlabel(f"{words} [{shown_unit}]" if shown_unit != "-" else words)
-        jobs.append((axis, points, curves, still))
+            panel.draw_entry(entry, f"{entry} ({failed} failed)" if failed else entry, numbers)
+            panel.draw_trainings(entry, (single or {}).get(entry, []))
+        words, factor, shown = MEASURES[panel.measure]
+        _scale(
+            panel.axis, "x", *(factor * end for end in _ends(entries, swept, panel.measure, panel.measure))
+        )
+        panel.axis.set_xlabel(f"{words} [{shown}]" if shown != "-" else words)
+    _scale(axes[0], "y", *(scale * end for end in _ends(entries, swept, measures[0], STD)))
     axes[0].set_ylabel(f"std of payload heave [{unit}]")
     axes[0].set_title(title)
-    for axis, points, curves, still in jobs:
-        left = 1.02 * axis.get_xlim()[0]
-        named = [(name, left, height, colour) for name, height, colour in still]
-        lines = [np.array([[left, height], [axis.get_xlim()[1], height]]) for _, height, _ in still]
-        figures.name_points(axis, [*points, *named], [*curves, *lines])
+    for panel in panels:
+        panel.write_names()
+
+
+class _Panel:
+    """Motion against one measure."""
+
+    def __init__(self, axis: Any, measure: str, scale: float, names: Sequence[str]) -> None:
+        self.axis, self.measure, self.scale = axis, measure, scale
+        self.factor = MEASURES[measure][1]
+        self.colours, self.dashes = figures.colour_of(names), figures.dashes_of(names)
+        self.points: list[tuple[str, float, float, str]] = []
+        self.still: list[tuple[str, float, str]] = []
+        self.curves: list[Array] = []
+        self.beyond: list[tuple[float, float, str]] = []
+
+    def place(self, numbers: dict[str, Any]) -> tuple[float, float]:
+        """Where the numbers stand."""
+        return self.factor * numbers[self.measure].value, self.scale * numbers[STD].value
+
+    def draw_front(self, design: str, found: Sequence[Choice]) -> None:
+        """A design's choices, its front, and its own weights."""
+        colour, on = self.colours[design], front(found, self.measure)
+        seen = [item for item in found if not item.failed and {STD, self.measure} <= set(item.numbers)]
+        spots = np.array([self.place(item.numbers) for item in seen]).reshape(-1, 2)
+        self.axis.plot(*spots.T, ls="", marker=".", ms=4, color=colour, alpha=0.45, label=f"{design} swept")
+        if not on:
+            return
+        x, y = np.array([self.place(item.numbers) for item in on]).T
+        low, high = ([self.scale * _end(item.numbers[STD], end) for item in on] for end in ("low", "high"))
+        self.axis.fill_between(x, low, high, color=colour, alpha=0.13, lw=0)
+        self.axis.plot(x, y, color=colour, ls=self.dashes[design], lw=1.8, label=f"{design} front")
+        self.curves.append(np.column_stack([x, y]))
+        middle = len(on) // 2
+        self.points.append((f"{design}, all weights", float(x[middle]), float(y[middle]), colour))
+        for item in seen:
+            if item.tuned:
+                self.axis.plot(*self.place(item.numbers), marker="o", ms=9, mfc="none", mec=colour, mew=1.4)
+
+    def draw_entry(self, entry: str, name: str, numbers: dict[str, Any]) -> None:
+        """A contestant with its intervals; one that takes nothing is a line across."""
+        across, up, colour = numbers[self.measure], numbers[STD], self.colours[entry]
+        if across is None or up is None:
+            return
+        x, y = self.place(numbers)
+        if across.value <= 0.0:
+            self.still.append((name, y, colour))
+            self.axis.axhline(y, color=colour, lw=1.4, ls=(0, (4, 2)), label=entry)
+            return
+        wide, tall = _bar(across, self.factor), _bar(up, self.scale)
+        style = {"elinewidth": 1.0, "mec": "#ffffff", "mew": 0.8, "color": colour, "zorder": 4}
+        self.axis.errorbar(x, y, xerr=wide, yerr=tall, fmt="o", ms=6.5, label=entry, **style)
+        self.points.append((name, x, y, colour))
+        self.curves.append(np.array([[x - wide[0][0], y], [x + wide[1][0], y]]))
+        self.curves.append(np.array([[x, y - tall[0][0]], [x, y + tall[1][0]]]))
+
+    def draw_trainings(self, entry: str, single: Sequence[dict[str, Quantity]]) -> None:
+        """Each training of a contestant as a small circle."""
+        spots = [self.place(numbers) for numbers in single if {STD, self.measure} <= set(numbers)]
+        if spots:
+            style = {"ls": "", "marker": "o", "ms": 3.5, "mfc": "#ffffff", "mec": self.colours[entry]}
+            self.axis.plot(*np.array(spots).T, mew=1.0, zorder=3, label=f"{entry} trainings", **style)
+            self.curves += [np.array([spot]) for spot in spots]
+            self.beyond += [(*spot, self.colours[entry]) for spot in spots]
+
+    def write_names(self) -> None:
+        """The names, once the scales stand, and at the frame the trainings that lie to the left of it."""
+        left, right = self.axis.get_xlim()
+        for x, y, colour in self.beyond:
+            if x < left:
+                self.axis.plot(left, y, marker="<", ms=6, color=colour, clip_on=False, zorder=5)
+        left += 1e-3 * abs(left)
+        named = [(name, left, height, colour) for name, height, colour in self.still]
+        lines = [np.array([[left, height], [right, height]]) for _, height, _ in self.still]
+        figures.name_points(self.axis, [*self.points, *named], [*self.curves, *lines])
 
 
 def _end(number: Quantity, end: str) -> float:
@@ -493,7 +541,10 @@ def _ends(
     found: list[float] = []
     for numbers in entries.values():
         if numbers[measure] is not None and numbers[metric] is not None:
-            found += [_end(numbers[metric], end) for end in ("low", "", "high")]
+            # An interval that reaches to nothing is cut at the frame.
+            number = numbers[metric]
+            found += [number.value, max(_end(number, "low"), 0.25 * number.value)]
+            found.append(min(_end(number, "high"), 4.0 * number.value))
     for tried in swept.values():
         on = front(tried, measure)
         falling = [item for item in on if item.numbers[STD].value < 0.95 * on[0].numbers[STD].value]

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import csv
+import dataclasses
 import importlib.util
 import itertools
 import json
@@ -228,6 +229,23 @@ def test_a_linear_scenario_has_one_panel_and_names_apart(scored):
     boxes = [text.get_window_extent() for text in axis.texts]
     assert {text.get_text() for text in axis.texts} == {"none", "feedforward_prediction", "lqr"}
     assert not any(one.overlaps(other) for one, other in itertools.combinations(boxes, 2))
+
+
+def test_every_training_is_shown_beside_their_mean(scored, tmp_path):
+    item = scored["limits_linear"]
+    two = {metric: np.vstack([rows, 3.0 * rows]) for metric, rows in item.values["lqr"].items()}
+    ends = {end: np.vstack([rows, rows]) for end, rows in item.ends["lqr"].items()}
+    several = dataclasses.replace(item, values=item.values | {"lqr": two}, ends=item.ends | {"lqr": ends})
+    picture = fronts_picture(several, {})
+    pictures.write(picture, tmp_path, ["pictures"])
+    rows = [row for row in rows_of(tmp_path / "fronts-limits_linear.csv") if row["who"] == "lqr"]
+    assert [row["kind"] for row in rows] == ["entry", "training", "training"]
+    stds = [float(row["payload_heave_std [m]"]) for row in rows]
+    assert stds == pytest.approx([2.0 * stds[1], stds[1], 3.0 * stds[1]])
+    (axis,) = drawn(picture).get_axes()
+    x, y = line(axis, "lqr trainings")
+    np.testing.assert_allclose(x, [float(row["control_energy [m²]"]) for row in rows[1:]])
+    np.testing.assert_allclose(y, stds[1:])
 
 
 def test_names_keep_clear_of_points_and_of_each_other():
