@@ -23,6 +23,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.vec_env import VecMonitor
 
 from agents import checkpoint, networks
+from agents.guided_env import surroundings
 from agents.policy import load_policy, policy_card, save_policy
 from agents.presets import load_preset
 from agents.train import Groundwork, TrainingFailure, build_model, groundwork, train, validation
@@ -140,6 +141,31 @@ def test_plain_numpy_remembers_as_stable_baselines_does(tmp_path):
         assert np.abs(action - expected).max() < 1e-5
         alone.append(policy.predict(observation)[0] - action)
     assert np.abs(alone).max() > 0.05  # what it remembers matters
+
+
+def test_beside_a_guide_an_agent_with_a_memory_acts_alone_as_it_was_trained(tmp_path):
+    policy = load_policy(trained(tmp_path / "run", "recurrent_ppo", guide="lqg", guide_mode="residual"))
+    assert policy.guide is not None and policy.n_memory == policy.guide.n_memory + 8
+    (_, beside), (_, alone) = (
+        surroundings(policy.scenario, 3, guide, privileged=False) for guide in (policy.guide, None)
+    )
+    beside.seed(9)
+    alone.seed(9)
+    seen, observation = np.asarray(beside.reset()), np.asarray(alone.reset())
+    own, memory = np.zeros((3, 8)), None
+    for _ in range(40):
+        given, own = policy.respond(seen, own)
+        action, memory = policy.predict(observation, memory)
+        beside.step_async(given)
+        alone.step_async(action)
+        seen, observation = np.asarray(beside.step_wait()[0]), np.asarray(alone.step_wait()[0])
+        np.testing.assert_allclose(seen[:, : observation.shape[1]], observation, atol=1e-5)
+    np.testing.assert_allclose(memory[:, -8:], own, atol=1e-4)
+
+
+def test_a_teacher_is_refused_where_a_memory_would_have_to_be_imitated():
+    with pytest.raises(ValueError, match="teacher must be null for recurrent_ppo"):
+        load_preset("recurrent_ppo", SCENARIO, {"teacher": "lqg"})
 
 
 def test_a_trained_policy_is_evaluated_by_stable_baselines(tmp_path):

@@ -94,7 +94,7 @@ def same_policy(one: Path, other: Path) -> bool:
             {"runs": [ENTRY | {"algorithms": ["dqn"]}]},
             "algorithm must be one of ppo, recurrent_ppo, sac, td3, tqc, got",
         ),
-        ({"runs": [ENTRY | {"algorithms": ["sac"], "kinds": ["residual"]}]}, "kind of sac must be one of"),
+        ({"runs": [ENTRY | {"algorithms": ["sac"], "kinds": ["estimate"]}]}, "kind of sac must be one of"),
         ({"runs": [ENTRY | {"seeds": 3}]}, r"runs\[0\].seeds must be a list, got 3"),
         ({"runs": [ENTRY | {"seeds": [-1]}]}, r"runs\[0\]: seed must be a whole number from 0"),
         ({"runs": [ENTRY], "steps": 0}, "steps must be an integer of at least 1, got 0"),
