@@ -15,7 +15,15 @@ from typing import Any
 import numpy as np
 
 from experiments import figures, runs
-from experiments.compare import default_reference, entry_of, labels_of, protocol_duration, run_contest
+from experiments.compare import (
+    default_reference,
+    entry_of,
+    finish,
+    labels_of,
+    parts_of,
+    protocol_duration,
+    run_contest,
+)
 from experiments.leaderboard import NOMINAL, Quantity, estimated
 from experiments.league import Contestant
 from experiments.metrics import METRICS
@@ -143,6 +151,23 @@ class Scored:
     def n_seas(self) -> int:
         """Number of seas [-]."""
         return int(next(iter(self.values.values()))["cost"].shape[1])
+
+    def first_seas(self, count: int) -> Scored:
+        """The first so many seas alone.
+
+        Raises:
+            ValueError: If there are fewer.
+        """
+        if count > self.n_seas:
+            raise ValueError(f"only {self.n_seas} seas of {self.scenario.name!r} were run, not {count}")
+        cut = {
+            part: {
+                entry: {name: rows[:, :count] for name, rows in item.items()}
+                for entry, item in getattr(self, part).items()
+            }
+            for part in ("values", "ends")
+        }
+        return dataclasses.replace(self, values=cut["values"], ends=cut["ends"])
 
     def failed(self, entry: str) -> int:
         """Seas that an entry lost or in which it diverged, over all its trainings."""
@@ -297,15 +322,30 @@ def play(
     *,
     n_stored: int = 0,
     warm_up: float | None = None,
+    workers: int = 1,
     progress: Progress | None = None,
 ) -> Contest:
-    """Lets some act in the same seas; each one's part is kept in the folder, and taken from there again."""
+    """Lets some act in the same seas; each one's part is kept in the folder, and taken from there again.
+
+    Args:
+        scenario: The operation, with the duration that is wanted.
+        entries: Who acts.
+        seeds: Seeds of the seas.
+        folder: Where each one's part is kept.
+        n_stored: Seas whose time series are kept.
+        warm_up: Time left out at the start [s]; None: the protocol's.
+        workers: Processes that run side by side.
+        progress: Called with scenario, label, steps done since the last call and steps in all.
+    """
     total = scenario.n_steps * len(seeds)
 
     def report(label: str, count: int) -> None:
         if progress is not None:
             progress(scenario.name, label, count, total)
 
+    parts = parts_of(scenario, entries, seeds, warm_up=warm_up, n_stored=n_stored)
+    finish(parts, folder, workers, lambda part: report(part.label, part.n_steps))
+    report_once = report if workers <= 1 else None  # what is there already has been told
     return run_contest(
         scenario,
         entries,
@@ -313,7 +353,7 @@ def play(
         warm_up=warm_up,
         n_stored=n_stored,
         folder=folder,
-        progress=report,
+        progress=report_once,
     )
 
 
@@ -343,9 +383,20 @@ def score(
     *,
     duration: float | None = None,
     allow_other_scenario: bool = False,
+    workers: int = 1,
     progress: Progress | None = None,
 ) -> Scored:
     """Runs everybody in the same seas of a scenario.
+
+    Args:
+        scenario: The operation.
+        teams: Who acts.
+        seeds: Seeds of the seas.
+        folder: Where each one's part is kept.
+        duration: Length of an episode [s]; None: the protocol's.
+        allow_other_scenario: Whether an agent may act in a scenario it was not trained for.
+        workers: Processes that run side by side.
+        progress: Called with scenario, label, steps done since the last call and steps in all.
 
     Raises:
         ValueError: If one does not fit the scenario, or the duration is impossible.
@@ -353,7 +404,7 @@ def score(
     by_team = entries_of(scenario, teams, allow_other_scenario=allow_other_scenario)
     met = with_duration(scenario, protocol_duration(scenario) if duration is None else duration)
     entries = [entry for several in by_team.values() for entry in several]
-    contest = play(met, entries, seeds, folder, progress=progress)
+    contest = play(met, entries, seeds, folder, workers=workers, progress=progress)
     outcomes = {outcome.entry.label: outcome for outcome in contest.outcomes}
     several = {name: [outcomes[entry.label] for entry in own] for name, own in by_team.items()}
     _, _, variant = scenario.name.partition("@")

@@ -48,7 +48,10 @@ def add_kinds(parser: Any) -> None:
     fronts.add_argument(
         "--weights", type=_count, default=None, metavar="N", help="weights along each ray, then refined (9)"
     )
-    fronts.add_argument("--seeds", type=_count, default=16, metavar="N", help="seas (16; a folder's own)")
+    fronts.add_argument("--seeds", type=_count, metavar="N", help="the first N seas (16; a folder's, all)")
+    fronts.add_argument(
+        "--workers", type=_count, metavar="N", help="processes that run side by side (one for each processor)"
+    )
     fronts.add_argument(
         "--first-sea",
         default="test",
@@ -307,24 +310,28 @@ def _named(scenario: Scenario, options: argparse.Namespace) -> Any:
 def _fronts(options: argparse.Namespace, scenario: Scenario | None, progress: Progress | None) -> list[Path]:
     from experiments import pictures_fronts as fronts
     from experiments.pictures import score
+    from experiments.processes import worker_count
 
     folder = _folder(options)
     first, n_weights = _first_seed(options.first_sea), options.weights or fronts.N_WEIGHTS
+    workers = worker_count(options.workers)
     designs = _split(options.designs)
     for design in designs or ():
         fronts.swept_weights(design)
     if scenario is None:
         parts = [_only_some(item, _split(options.controllers)) for item in _scored(options)]
+        parts = [item if options.seeds is None else item.first_seas(options.seeds) for item in parts]
     else:
         teams = _named(scenario, options)
         parts = [
             score(
                 scenario,
                 teams,
-                range(first, first + options.seeds),
+                range(first, first + (options.seeds or 16)),
                 folder,
                 duration=options.duration,
                 allow_other_scenario=options.allow_other_scenario,
+                workers=workers,
                 progress=progress,
             )
         ]
@@ -339,6 +346,7 @@ def _fronts(options: argparse.Namespace, scenario: Scenario | None, progress: Pr
                 folder,
                 n_weights=n_weights,
                 warm_up=item.warm_up,
+                workers=workers,
                 progress=progress,
             )
             for design in designs or fronts.default_designs(item.scenario)

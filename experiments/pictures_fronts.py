@@ -161,6 +161,7 @@ def sweep(
     *,
     n_weights: int = N_WEIGHTS,
     warm_up: float | None = None,
+    workers: int = 1,
     progress: Progress | None = None,
 ) -> list[Choice]:
     """Lets a design act under each choice of its weights; what is done is kept in the folder.
@@ -173,6 +174,7 @@ def sweep(
         folder: Where each choice's part is kept.
         n_weights: Weights along a ray [-].
         warm_up: Time left out at the start [s]; None: the protocol's.
+        workers: Processes that run side by side.
         progress: Called with scenario, label, steps done since the last call and steps in all.
 
     Raises:
@@ -182,7 +184,7 @@ def sweep(
     asked = choices(design, basis, own, n_weights)
     found: list[Choice] = []
     for _ in range(1 + N_REFINEMENTS):
-        found = _played(design, scenario, basis, asked, own, seeds, folder, warm_up, progress)
+        found = _played(design, scenario, basis, asked, own, seeds, folder, warm_up, workers, progress)
         between = refined(found)
         if not between:
             break
@@ -215,6 +217,7 @@ def _played(
     seeds: range,
     folder: Path,
     warm_up: float | None,
+    workers: int,
     progress: Progress | None,
 ) -> list[Choice]:
     entries = []
@@ -223,7 +226,7 @@ def _played(
         made = baselines.design(design, basis, **weights)
         sees = getattr(made, "information_set", None) or scenario.information_set
         entries.append(Entry(f"{design} {told}", f"{design},{told}", made, sees))
-    contest = play(scenario, entries, seeds, folder, warm_up=warm_up, progress=progress)
+    contest = play(scenario, entries, seeds, folder, warm_up=warm_up, workers=workers, progress=progress)
     found = []
     for weights, outcome in zip(asked, contest.outcomes, strict=True):
         numbers = {}

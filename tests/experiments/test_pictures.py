@@ -122,6 +122,10 @@ def test_a_league_is_read_with_its_variants(contest):
         if (row["scenario"], row["variant"], row["entry"]) == ("limits_linear", "rougher", "lqr")
     ]
     np.testing.assert_array_equal(found[3].values["lqr"]["cost"], [told])
+    fewer = found[3].first_seas(2)
+    np.testing.assert_array_equal(fewer.values["lqr"]["cost"], [told[:2]])
+    with pytest.raises(ValueError, match="only 3 seas of 'limits_linear@rougher' were run, not 4"):
+        found[3].first_seas(4)
     with pytest.raises(ValueError, match="'unknown_linear' was not run there; choose from thesis_linear"):
         pictures.chosen(found, "unknown_linear")
 
@@ -185,6 +189,15 @@ def test_a_sweep_is_kept_and_is_that_of_the_design(scored, swept, monkeypatch):
 
     monkeypatch.setattr("experiments.compare.rollout", refuse)
     again = sweep("lqr", item.scenario, item.basis, SEAS, folder, n_weights=3, warm_up=item.warm_up)
+    assert again == found
+
+
+@pytest.mark.slow
+def test_two_processes_sweep_as_one_does(scored, swept, tmp_path):
+    item, (found, _) = scored["sea_state_5"], swept
+    again = sweep(
+        "lqr", item.scenario, item.basis, SEAS, tmp_path, n_weights=3, warm_up=item.warm_up, workers=2
+    )
     assert again == found
 
 
@@ -596,7 +609,7 @@ def test_the_page_of_a_league_shows_its_pictures(contest, capsys):
 
 def test_the_command_draws_fronts_of_named_controllers(tmp_path, capsys):
     given = ["--controllers", "none,lqr", "--designs", "lqr", "--weights", "2", "--seeds", "2"]
-    given += ["--duration", "20", "--first-sea", "training", "--out", str(tmp_path)]
+    given += ["--duration", "20", "--first-sea", "training", "--workers", "1", "--out", str(tmp_path)]
     assert cli.main(["pictures", "fronts", "thesis_linear", *given]) == 0
     told = json.loads((tmp_path / "fronts-thesis_linear.json").read_text(encoding="utf-8"))
     assert told["first_seed"] == 9_500_000 and "heave pictures fronts" in told["provenance"]["command"]
