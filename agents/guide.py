@@ -30,6 +30,8 @@ from baselines.mpc import PredictiveController
 from baselines.tuning import needs_tuning, tuned_weights
 from heave_env.scenarios import Scenario
 
+LEAST_SHARE = 1e-4
+"""Of the fastest rate, below which the drum counts as at rest [-]."""
 MODES = ("residual", "estimate", "rate")
 """What an agent's action means beside a guide."""
 
@@ -68,6 +70,9 @@ class Guide:
     that it means [-]."""
     card: Mapping[str, Any]
     """What `guide_from_card` makes the same guide of."""
+    rest: float = 0.0
+    """Actions within ± this leave the drum at rest in the mode `rate` [-]: where its work has a price, it is
+    often best not to move."""
 
     @property
     def kalman(self) -> KalmanFilter:
@@ -140,7 +145,9 @@ class Guide:
         most = self.controller.command_range
         if self.mode == "rate":
             assert look.arrival is not None
-            rate = np.clip(action[:, 0], -1.0, 1.0) * self.fastest
+            share = np.clip(action[:, 0], -1.0, 1.0)
+            share = np.sign(share) * np.maximum(np.abs(share) - self.rest, 0.0) / (1.0 - self.rest)
+            rate = share * self.fastest
             return self.predictive.command_for_rate(look.arrival, rate)
         if self.mode == "residual":
             return np.asarray(np.clip(look.command + self.reach * most * action, -most, most))
@@ -151,7 +158,9 @@ class Guide:
         most = self.controller.command_range
         if self.mode == "rate":
             assert look.arrival is not None
-            action = self.predictive.rate_for_command(look.arrival, command)[:, None] / self.fastest
+            share = self.predictive.rate_for_command(look.arrival, command)[:, None] / self.fastest
+            moves = np.abs(share) > LEAST_SHARE
+            action = np.where(moves, share * (1.0 - self.rest) + np.sign(share) * self.rest, 0.0)
         elif self.mode == "residual":
             action = (command - look.command) / (self.reach * most)
         else:
@@ -165,7 +174,7 @@ class Guide:
         return np.column_stack([self.filter.advanced(look.estimate, command), memory[:, -1] + 1.0])
 
 
-def make_guide(name: str, scenario: Scenario, *, mode: str, reach: float) -> Guide:
+def make_guide(name: str, scenario: Scenario, *, mode: str, reach: float, rest: float = 0.0) -> Guide:
     """Designs (and, where that is due, tunes) a controller as a guide in a scenario.
 
     Raises:
@@ -175,9 +184,8 @@ def make_guide(name: str, scenario: Scenario, *, mode: str, reach: float) -> Gui
         raise ValueError(f"guide must be a designed controller, one of {', '.join(DESIGNERS)}, got {name!r}")
     basis = scenario.design_basis
     options = tuned_weights(name, DESIGNERS[name], basis, {}) if needs_tuning(basis) else {}
-    return guide_from_card(
-        {"controller": name, "options": dict(options), "mode": mode, "reach": reach}, scenario
-    )
+    card = {"controller": name, "options": dict(options), "mode": mode, "reach": reach}
+    return guide_from_card(card | ({"rest": rest} if rest else {}), scenario)
 
 
 def guide_from_card(card: Mapping[str, Any], scenario: Scenario) -> Guide:
@@ -200,13 +208,19 @@ def _guide(card: Mapping[str, Any], scenario: Scenario) -> Guide:
     # A weight of its own tells a design that it is not to be tuned again.
     controller = DESIGNERS[name](scenario.design_basis, **options) if options else design(name, scenario)
     try:
-        return beside(controller, mode=mode, reach=float(card["reach"]), card=dict(card))
+        rest = float(card.get("rest", 0.0))
+        return beside(controller, mode=mode, reach=float(card["reach"]), rest=rest, card=dict(card))
     except ValueError as error:
         raise ValueError(f"guide {name!r} in scenario {scenario.name!r}: {error}") from error
 
 
 def beside(
-    controller: LinearController, *, mode: str, reach: float, card: Mapping[str, Any] | None = None
+    controller: LinearController,
+    *,
+    mode: str,
+    reach: float,
+    rest: float = 0.0,
+    card: Mapping[str, Any] | None = None,
 ) -> Guide:
     """A designed controller as a guide.
 
@@ -218,4 +232,4 @@ def beside(
         raise ValueError("guide_mode 'rate' needs a predictive controller: choose mpc")
     if not isinstance(found, (KalmanFilter, Estimator)):
         raise ValueError("it has no Kalman filter whose estimate an agent could see: choose lqg or mpc")
-    return Guide(controller, found, mode, reach, card or {})
+    return Guide(controller, found, mode, reach, card or {}, rest)

@@ -158,6 +158,7 @@ def imitate(
     generator = torch.Generator().manual_seed(seed)
     reach = scenario.winch.command_range
     ends = np.full((N_ROWS, 1), reach)
+    rests = 0.0 if guide is None else guide.rest
     n_steps = min(ROUND_STEPS, scenario.n_steps - 1)
     observations: list[np.ndarray] = []
     targets: list[np.ndarray] = []
@@ -175,7 +176,8 @@ def imitate(
             target = _action(env, look.command, reach)
             if step >= min(SETTLING, n_steps // 2):
                 least, most = _action(env, -ends, reach), _action(env, ends, reach)
-                told = np.hstack([target, target <= least + AT_LIMIT, target >= most - AT_LIMIT])
+                rest = rests * (target == 0.0)
+                told = np.hstack([target, target <= least + AT_LIMIT, target >= most - AT_LIMIT, rest])
                 fresh[0].append(seen[running])
                 fresh[1].append(told[running])
             action = target if turn == 0 else _mean(model, seen)
@@ -222,9 +224,10 @@ def _mean(model: BaseAlgorithm, seen: np.ndarray) -> np.ndarray:
 
 
 def _missed(action: torch.Tensor, wanted: torch.Tensor) -> torch.Tensor:
-    """How far actions (n,) miss what is wanted, (n, 3): an action, and whether it is the least, the most that
-    has an effect: there more of it is the same."""
+    """How far actions (n,) miss what is wanted, (n, 4): an action, whether it is the least, the most that has
+    an effect, beyond which more is the same, and how far beside it the drum does the same: it rests."""
     off = action - wanted[:, 0]
+    off = off - off.clamp(-wanted[:, 3], wanted[:, 3])
     off = torch.where(wanted[:, 1] > 0.5, off.clamp(min=0.0), off)
     return torch.where(wanted[:, 2] > 0.5, off.clamp(max=0.0), off)
 

@@ -55,6 +55,8 @@ class Preset:
     guide_reach: float = 0.1
     """Share of the command range that a residual action of one adds, or of the fastest rate that it means
     [-]."""
+    guide_rest: float = 0.0
+    """Actions within ± this leave the drum at rest in the mode `rate` [-]."""
     guide_shown: bool = True
     """Whether the agent sees the guide's estimate; false: the sensors alone, and the guide only turns its
     action into a command."""
@@ -142,6 +144,8 @@ class Preset:
             require(isinstance(getattr(self, field), bool), self, field, "true or false")
         require(self.guide_mode in MODES, self, "guide_mode", f"one of {', '.join(MODES)}")
         require_number(self, "guide_reach", positive=True)
+        require_number(self, "guide_rest", non_negative=True)
+        require(self.guide_rest < 1.0, self, "guide_rest", "below 1")
         require(
             self.algorithm == "ppo" or not self.privileged_critic,
             self,

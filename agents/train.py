@@ -570,7 +570,11 @@ class _Training:
             return None
         if "guide" not in self.run.content:
             guide = make_guide(
-                settings.guide, self.scenario, mode=settings.guide_mode, reach=settings.guide_reach
+                settings.guide,
+                self.scenario,
+                mode=settings.guide_mode,
+                reach=settings.guide_reach,
+                rest=settings.guide_rest,
             )
             self.run.content["guide"] = dict(guide.card)
         return guide_from_card(self.run.content["guide"], self.scenario)

@@ -270,6 +270,48 @@ def test_without_limits_the_guides_own_rate_is_the_optimum():
         np.testing.assert_allclose(seen[:, : observation.shape[1]], observation, atol=1e-4)
 
 
+def test_an_action_near_nothing_leaves_the_drum_at_rest():
+    """And beyond, actions and rates are each other's inverse."""
+    scenario = scenarios.load("energy_linear")
+    guide = guide_from_card(planner("rate", {}) | {"reach": 0.4, "rest": 0.3}, scenario)
+    _, env = surroundings(scenario, 5, guide, privileged=False)
+    assert isinstance(env, GuidedVecEnv)
+    env.seed(4)
+    observation = np.asarray(env.reset())[:, : len(scenario.observation_names)]
+    look = guide.look(observation, np.zeros((5, guide.n_memory)))
+    action = np.array([[-0.9], [-0.35], [0.29], [0.31], [0.8]])
+    command = guide.command(look, action)
+    rate = guide.predictive.rate_for_command(look.arrival, command)
+    np.testing.assert_allclose(
+        rate / guide.fastest, [-0.6 / 0.7, -0.05 / 0.7, 0.0, 0.01 / 0.7, 0.5 / 0.7], atol=1e-6
+    )
+    expected = np.where(np.abs(action) > 0.3, action, 0.0)
+    np.testing.assert_allclose(guide.action(look, command), expected, atol=1e-6)
+
+
+def test_a_miss_that_changes_nothing_does_not_count():
+    action = torch.tensor([0.1, 0.5, -0.5, 0.4, 0.2, -0.6, -0.2])
+    wanted = torch.tensor(
+        [[0, 0, 0, 0.3], [0, 0, 0, 0.3], [0, 0, 0, 0.3], [0.3, 0, 1, 0], [0.3, 0, 1, 0], [-0.5, 1, 0, 0],
+         [-0.5, 1, 0, 0]]
+    )  # fmt: skip
+    missed = imitation._missed(action, wanted)
+    np.testing.assert_allclose(missed.numpy(), [0.0, 0.2, -0.2, 0.0, -0.1, 0.0, 0.3], atol=1e-6)
+
+
+def test_an_agent_may_be_kept_from_seeing_its_guide():
+    settings = load_preset(
+        "ppo", LIMITS, {**PPO, "guide": "mpc", "guide_mode": "rate", "guide_reach": 1.0, "guide_shown": False}
+    )
+    guide = guide_from_card(planner("rate"), LIMITS)
+    ground = widened_groundwork(LIMITS, settings, guide, 0)
+    n = len(LIMITS.observation_names)
+    assert np.abs(ground.transform[:n, :n]).max() > 0.0
+    assert ground.n_actor == n + len(guide.feature_names)
+    np.testing.assert_array_equal(ground.transform[n:, : ground.n_actor], 0.0)
+    np.testing.assert_array_equal(ground.transform[:n, n:], 0.0)
+
+
 def test_a_rate_survives_what_ruins_a_command():
     """The same share of the range as noise costs more on the command of the weak winch than on its rate."""
     costs = {}
