@@ -111,7 +111,7 @@ def stored(folder: str | Path) -> list[dict[str, Any]]:
         drawn = path.with_suffix(".svg")
         try:
             told = runs.read_json(path)
-            if told.get("kind") == "picture" and drawn.is_file():
+            if told.get("kind") == "picture" and {"picture", "caption"} <= set(told) and drawn.is_file():
                 text = drawn.read_text(encoding="utf-8")
                 found.append({"name": path.stem, "svg": text, **told})
         except (ValueError, AttributeError, OSError):

@@ -41,7 +41,7 @@ def add_kinds(parser: Any) -> None:
         EXAMPLES[0],
         "heave pictures fronts runs/league --scenario limits_linear --designs lqg,mpc",
     )
-    _add_source(fronts, "none,lqg")
+    _add_source(fronts, "none,lqg", "all without variants")
     fronts.add_argument(
         "--designs", metavar="A,B,...", help="whose weights are swept (lqg, with winch limits mpc too)"
     )
@@ -54,7 +54,6 @@ def add_kinds(parser: Any) -> None:
     )
     fronts.add_argument(
         "--first-sea",
-        default="test",
         metavar="SEED",
         help=f"{', '.join(FIRST_SEEDS)} or the seed of the first sea (test; a folder's own)",
     )
@@ -121,7 +120,7 @@ def add_kinds(parser: Any) -> None:
     _add_out(video)
 
 
-def _add_source(parser: Any, controllers: str) -> None:
+def _add_source(parser: Any, controllers: str, which: str = "the first") -> None:
     parser.add_argument(
         "source", metavar="SOURCE", help="folder of a comparison or league, scenario's name or YAML file"
     )
@@ -134,7 +133,9 @@ def _add_source(parser: Any, controllers: str) -> None:
         help="change a value of the scenario, as winch.command_delay=0.4; may be repeated",
     )
     parser.add_argument(
-        "--scenario", metavar="NAME", help="of a folder: which scenario, as NAME or NAME@VARIANT (the first)"
+        "--scenario",
+        metavar="NAME",
+        help=f"of a folder: which scenario, as NAME or NAME@VARIANT ({which})",
     )
     parser.add_argument(
         "--controllers",
@@ -249,7 +250,8 @@ def _split(text: str | None) -> list[str] | None:
     return None if text is None else [item.strip() for item in text.split(",") if item.strip()]
 
 
-def _first_seed(text: str) -> int:
+def _first_seed(text: str | None) -> int:
+    text = "test" if text is None else text
     if text in FIRST_SEEDS:
         return FIRST_SEEDS[text]
     if not text.isdigit():
@@ -267,6 +269,12 @@ def _scored(options: argparse.Namespace) -> list[Scored]:
 
     if options.settings:
         raise ValueError("--set changes a scenario that is named, not one that a folder holds")
+    for name in ("first_sea", "duration"):
+        if getattr(options, name, None) is not None:
+            told = f"--{name.replace('_', '-')}"
+            raise ValueError(
+                f"{told} is of a scenario that is named; a folder's seas are those it was run in"
+            )
     return chosen(read_scored(options.source), options.scenario)
 
 

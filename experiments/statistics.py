@@ -195,7 +195,7 @@ def profile_band(
         seed: Of the resampling.
 
     Returns:
-        Share of the scores at or below each threshold [-], and the ends of its interval, (n_thresholds,) each.
+        Share of the scores at or below each threshold [-] and the ends of its interval, each (n_thresholds,).
 
     Raises:
         ValueError: If there are no scores or one is not finite.

@@ -21,6 +21,7 @@ HOMES = {  # the first room in which a package may be imported
     "tensorboard": "agents",
     "matplotlib": "experiments",
     "jinja2": "experiments",
+    "imageio_ffmpeg": "experiments",
     "moordyn": "experiments",
     "ray": "experiments",
     "optuna": "experiments",

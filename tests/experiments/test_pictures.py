@@ -647,6 +647,13 @@ def test_a_runs_folder_is_no_folder_for_pictures(comparison, capsys):
     assert "holds another kind of run (comparison)" in said
 
 
+def test_a_folders_seas_are_those_it_was_run_in(comparison, tmp_path, capsys):
+    for option in (["--first-sea", "training"], ["--duration", "20"], ["--set", "length=500"]):
+        said = refused(capsys, "pictures", "fronts", comparison, *option, "--out", tmp_path)
+        assert f"{option[0]} " in said
+    assert not list(tmp_path.iterdir())
+
+
 def test_contestants_of_a_picture_are_those_of_a_league():
     assert [team.name for team in contestants(["none", "mine=lqg"])] == ["none", "mine"]
 
