@@ -1,7 +1,7 @@
 """What the agents of the zoo do on validation seas beside their rivals: the results on their cards.
 
-Validation seas are those on which the best policy of a training was chosen, so these numbers flatter an agent
-a little; those of `heave league`, on test seas, do not. The files are `agents.zoo`'s.
+The seas are validation seas on which nothing was chosen, neither a policy nor a setting. The files are
+`agents.zoo`'s.
 """
 
 from __future__ import annotations
@@ -23,8 +23,8 @@ from experiments.rollout import with_duration
 from heave_env.provenance import commit
 from heave_env.scenarios import Scenario
 
-FIRST_VALIDATION_SEED = 10_000_000
-"""Validation seas have the seeds from here."""
+FIRST_CARD_SEED = 10_100_000
+"""Validation seas that chose nothing have the seeds from here, as for the card of a training."""
 N_SEAS = 64
 """Validation seas that the results are of, unless asked otherwise [-]."""
 WORK = Path("runs") / "zoo"
@@ -101,7 +101,7 @@ def measure(
         entries[rival] = [entry_of(rival, rival, scenario)]
         if progress is not None:
             progress(scenario.name, "designs", 1, len(entries))
-    seeds = range(FIRST_VALIDATION_SEED, FIRST_VALIDATION_SEED + n_seas)
+    seeds = range(FIRST_CARD_SEED, FIRST_CARD_SEED + n_seas)
     cell = contested(timed, entries, seeds, folder=work, progress=progress)
     return zoo.remember_results(agent.name, _results(agent, cell, seeds))
 

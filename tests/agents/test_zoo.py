@@ -113,7 +113,7 @@ def test_the_card_tells_how_it_was_trained(filled, runs):
     card = zoo.read(NAME).card
     run = json.loads((runs["1"] / "run.json").read_text())
     told = card["trainings"]["1"]
-    for key in ("steps", "wall_s", "commit", "versions", "best", "finished"):
+    for key in ("steps", "wall_s", "commit", "versions", "start", "best", "finished", "command"):
         assert told[key] == run[key], key
     assert card["preset"] == run["preset"] and card["fingerprint"] == run["fingerprint"]
     assert card["agent"] == "sensors" and card["guide"] is None and card["information_set"] == "sensors"
