@@ -23,7 +23,15 @@ from experiments import cli, figures, pictures, runs
 from experiments.compare import compare, controller_of
 from experiments.leaderboard import Quantity
 from experiments.league import contestants, league
-from experiments.pictures_fronts import Choice, choices, front, fronts_picture, refined, sweep
+from experiments.pictures_fronts import (
+    Choice,
+    choices,
+    front,
+    fronts_picture,
+    league_picture,
+    refined,
+    sweep,
+)
 from experiments.pictures_learning import curve, learning_picture, rivals_of, trainings_of
 from experiments.pictures_profiles import paired_ratios, profiles_picture
 from experiments.pictures_storm import roughest, series_of, storm_picture
@@ -605,6 +613,30 @@ def test_the_page_of_a_league_shows_its_pictures(contest, capsys):
     assert f"limits_linear, sea {FIRST_TEST_SEED}" in text
     (contest / "pictures" / "profiles.json").write_text("{broken", encoding="utf-8")
     assert [item["picture"] for item in pictures.stored(contest)] == ["storm"]
+
+
+def test_the_page_of_a_league_shows_everybody_with_intervals(contest, monkeypatch):
+    summary = json.loads((contest / "leaderboard.json").read_text(encoding="utf-8"))
+    (told,) = (
+        item
+        for item in summary["standings"]
+        if (item["scenario"], item["variant"]) == ("limits_linear", "nominal")
+    )
+    figure = Figure(figsize=(6.0, 4.5), layout="constrained")
+    monkeypatch.setattr(figures, "svg", lambda draw, size: draw(figure) or "drawn")
+    entries = {name: item["quantities"] for name, item in told["entries"].items()}
+    text, caption = league_picture("limits_linear", entries, sorted(entries))
+    assert text == "drawn" and caption.startswith("limits_linear: standard deviation of payload heave")
+    (axis,) = figure.get_axes()
+    for entry in ("lqr", "pid"):
+        std, energy = entries[entry]["payload_heave_std"], entries[entry]["control_energy"]
+        (bars,) = (one for one in axis.containers if one.get_label() == entry)
+        x, y = bars.lines[0].get_data()
+        assert (x[0], y[0]) == pytest.approx((energy["value"], std["value"]))
+        across, up = (one.get_segments()[0] for one in bars.lines[2])
+        assert across[:, 0] == pytest.approx([energy["low"], energy["high"]])
+        assert up[:, 1] == pytest.approx([std["low"], std["high"]])
+    assert line(axis, "none")[1][0] == pytest.approx(entries["none"]["payload_heave_std"]["value"])
 
 
 def test_the_command_draws_fronts_of_named_controllers(tmp_path, capsys):
