@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import contextlib
 import csv
+import dataclasses
 import json
 import os
 import re
@@ -19,6 +20,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.policy import POLICY_FILE, TrainedPolicy, canonical, load_policy, seen_by, sha256
+from agents.presets import Preset
 from heave_env import scenarios
 from heave_env.files import write_atomic
 from heave_env.parameters import name_hint
@@ -400,12 +402,26 @@ def _training(run: Run, policy: bytes) -> dict[str, Any]:
 
 
 def _require_same(run: Run, recipe: Mapping[str, Any], other: str) -> None:
-    difference = _difference("", run.recipe, recipe)
+    difference = _difference("", _comparable(run.recipe), _comparable(recipe))
     if difference is not None:
         raise ValueError(
             f"the training in {str(run.folder)!r} is of another recipe than {other}: its {difference}; give "
             "it another --name"
         )
+
+
+def _comparable(recipe: Mapping[str, Any]) -> dict[str, Any]:
+    """A recipe as it is compared: settings that a training is too old to name are at their defaults.
+
+    The scenario is known by its fingerprint, for the same reason.
+    """
+    defaults = {
+        field.name: field.default
+        for field in dataclasses.fields(Preset)
+        if field.default is not dataclasses.MISSING
+    }
+    preset = json.loads(json.dumps({**defaults, **recipe["preset"]}))
+    return {key: value for key, value in recipe.items() if key != "scenario"} | {"preset": preset}
 
 
 def _difference(key: str, ours: Any, theirs: Any) -> str | None:

@@ -267,6 +267,20 @@ def test_what_is_no_training_of_the_recipe_stays_out(filled, runs, tmp_path, mon
     assert zoo.names() == (NAME,) and (filled / NAME / "card.json").read_bytes() == before
 
 
+def test_a_training_from_before_a_setting_had_its_default(filled, runs, tmp_path):
+    """Settings are added as the program grows; a seed that was trained before is of the same recipe."""
+    run = tmp_path / "old"
+    shutil.copytree(runs["1"], run)
+    shutil.rmtree(filled / NAME)
+    content = json.loads((run / "run.json").read_text())
+    assert content["preset"].pop("guide_reach") == 0.1
+    (run / "run.json").write_text(json.dumps(content))
+    assert zoo.add([runs["0"], run]).seeds == (0, 1)
+    content["preset"]["guide_reach"] = 0.2
+    (run / "run.json").write_text(json.dumps(content))
+    assert "preset.guide_reach is 0.2, not 0.1" in refusal(zoo.add, [runs["0"], run], "new")
+
+
 def test_a_training_in_a_changed_scenario_stays_out(empty, tmp_path):
     changed = scenarios.with_value(LINEAR, "winch.command_delay", 0.4)
     assert "changed 'thesis_linear'" in refusal(zoo.add, [trained(tmp_path / "run", 0, changed)])
