@@ -23,7 +23,7 @@ from agents.on_device_ppo import (  # noqa: E402
 )
 from agents.policy import load_policy, save_policy  # noqa: E402
 from agents.presets import load_preset  # noqa: E402
-from agents.train import validation  # noqa: E402
+from agents.train import TrainingFailure, validation  # noqa: E402
 from baselines import design  # noqa: E402
 from heave_env.scenarios import load, with_value  # noqa: E402
 from tests.agents.test_training import same_results  # noqa: E402
@@ -196,6 +196,13 @@ def test_a_damaged_state_is_refused(tmp_path, monkeypatch):
     arrays.write_bytes(arrays.read_bytes()[:-100])
     with pytest.raises(ValueError, match="cut short or changed"):
         whole_training(tmp_path / "run")
+
+
+def test_weights_that_stop_being_finite_end_it_in_a_sentence(tmp_path):
+    with pytest.raises(TrainingFailure, match="train with a lower learning_rate"):
+        whole_training(tmp_path / "run", learning_rate=1e9)
+    assert json.loads((tmp_path / "run" / "run.json").read_text())["status"] == "failed"
+    assert load_policy(tmp_path / "run").card["training"]["steps"] == 0
 
 
 def test_a_guide_is_refused_on_the_device(tmp_path):
