@@ -150,10 +150,10 @@ def test_every_combination_is_a_training_of_its_own_once(tmp_path):
     entry = {"scenarios": [NAME, "sea_state_5"], "kinds": ["sensors", *KINDS], "seeds": [0, 4]}
     again = {"scenarios": [NAME], "seeds": [4, 5]}
     cells = cells_of(read_sweep(written(tmp_path, steps=1000, runs=[entry, again])))
-    assert len(cells) == len({cell.folder for cell in cells}) == 2 * 3 * 2 + 1
+    assert len(cells) == len({cell.folder for cell in cells}) == 2 * (1 + len(KINDS)) * 2 + 1
     assert {cell.preset.total_steps for cell in cells} == {1000}
     guided = {cell.kind: cell.preset.guide_mode for cell in cells if cell.preset.guide is not None}
-    assert guided == {"residual": "residual", "estimate": "estimate"}
+    assert guided == {kind: kind for kind in KINDS}
 
 
 def test_numbers_without_a_point_are_numbers(tmp_path):
