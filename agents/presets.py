@@ -20,7 +20,7 @@ from heave_env.sensors import INFORMATION_SETS
 
 ALGORITHMS = ("ppo", "recurrent_ppo", "sac", "td3", "tqc")
 """Algorithms that have presets."""
-KINDS = ("residual", "estimate", "rate")
+KINDS = ("residual", "estimate", "rate", "sensors_rate")
 """Kinds of agent beside that from sensors; their presets, as `ppo_residual.yaml`, go on the algorithm's."""
 PRESET_FOLDER = Path(__file__).parent / "presets"
 """Where the presets lie, a YAML file per algorithm."""

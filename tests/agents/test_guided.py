@@ -16,7 +16,7 @@ from agents import imitation, networks
 from agents.guide import guide_from_card, make_guide
 from agents.guided_env import GuidedVecEnv, surroundings
 from agents.policy import load_policy, policy_card
-from agents.presets import load_preset
+from agents.presets import KINDS, load_preset
 from agents.train import build_model, train, validation, widened_groundwork
 from agents.vec_env import ScaledReward
 from baselines import design
@@ -209,11 +209,14 @@ def test_only_ppo_has_a_privileged_critic():
         load_preset("sac", LINEAR, {"privileged_critic": True})
 
 
-@pytest.mark.parametrize(("kind", "guide"), [("residual", "lqg"), ("estimate", "lqg"), ("rate", "mpc")])
-def test_the_presets_by_kind_are_complete(kind, guide):
+@pytest.mark.parametrize("kind", KINDS)
+def test_the_presets_by_kind_are_complete(kind):
     settings = load_preset("ppo", LIMITS, kind)
-    assert settings.guide == guide and settings.guide_mode == kind and settings.privileged_critic
-    assert settings.teacher == ("mpc" if kind == "rate" else None)
+    rated = kind.endswith("rate")
+    assert settings.guide == ("mpc" if rated else "lqg") and settings.privileged_critic
+    assert settings.guide_mode == ("rate" if rated else kind)
+    assert settings.teacher == ("mpc" if rated else None)
+    assert settings.guide_shown == (kind != "sensors_rate")
 
 
 # The drum's rate as action -----------------------------------------------------------------------
