@@ -86,9 +86,14 @@ class Guide:
         return self.controller
 
     @property
+    def _estimator(self) -> Estimator:
+        assert isinstance(self.filter, Estimator)
+        return self.filter
+
+    @property
     def fastest(self) -> float:
         """Rate that an action of one means in the mode `rate` [m/s]."""
-        winch = self.predictive.estimator.winch
+        winch = self._estimator.winch
         return self.reach * min(winch.speed_limit, winch.rate_constant * winch.command_range)
 
     @property
@@ -100,10 +105,12 @@ class Guide:
     def feature_names(self) -> tuple[str, ...]:
         """What the agent sees of the guide: estimated states, the drum's rate, the guide's own command."""
         if self.mode == "rate":
-            sea = self.kalman.model.states[3 + self.predictive.estimator.winch.n_pending :]
-            states = ("payload_heave", "payload_heave_rate", "winch_displacement", "winch_rate")
-            n_sea = self.predictive.plan.slope.shape[1] - 4
-            coming = (f"{name}_at_arrival" for name in (*states, *sea[:n_sea]))
+            sea = self.kalman.model.states[3 + self._estimator.winch.n_pending :]
+            plant = ("payload_heave", "payload_heave_rate", "winch_displacement", "winch_rate")
+            plan = self.predictive.plan
+            assert plan is not None
+            n_sea = plan.slope.shape[1] - 4
+            coming = (f"{name}_at_arrival" for name in (*plant, *sea[:n_sea]))
             return (*coming, "guide_rate")
         rate = ("winch_rate_estimate",) if isinstance(self.filter, Estimator) else ()
         states = (f"{name}_estimate" for name in self.kalman.model.states)
@@ -133,8 +140,8 @@ class Guide:
     def _look_ahead(self, observation: Array, memory: Array) -> Look:
         guide = self.predictive
         y = observation[:, guide.columns].astype(float) * guide.scale + guide.offset
-        measured, tension = guide.estimator.parted(y)
-        estimate, rate = guide.estimator.corrected(memory, measured)
+        measured, tension = self._estimator.parted(y)
+        estimate, rate = self._estimator.corrected(memory, measured)
         state = guide.at_arrival(estimate, rate, tension)
         free = guide.unlimited(state)[:, 0]
         features = np.column_stack([state, free]).astype(np.float32)

@@ -11,6 +11,7 @@ Source: Ross, Gordon and Bagnell (2011), DAgger.
 
 from __future__ import annotations
 
+import dataclasses
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any, Protocol
@@ -120,7 +121,12 @@ def school(name: str, scenario: Scenario) -> School:
 
     def teacher(seeds: Sequence[int]) -> Teacher:
         found = oracle(scenario, seeds, design=name)
-        return Oracle([beside(found.controllers[i], mode="estimate", reach=1.0) for i in found.chosen])
+        # Sensors have the scales of the scenario that the agent is in, not of one that knows the draw.
+        own = [
+            dataclasses.replace(controller, scale=found.scale, offset=found.offset)
+            for controller in found.controllers
+        ]
+        return Oracle([beside(own[i], mode="estimate", reach=1.0) for i in found.chosen])
 
     return School({"controller": name}, teacher)
 
@@ -184,8 +190,8 @@ def imitate(
             noise = excitation * rng.standard_normal((N_ROWS, 1))
             env.step_async(np.clip(action + noise, -1.0, 1.0))
             command = command_given(env, reach)
-            seen, _, done, _ = env.step_wait()
-            seen = np.asarray(seen)
+            following, _, done, _ = env.step_wait()
+            seen = np.asarray(following)
             memory = teacher.advance(memory, look, command)
             # A row whose operation failed is in a sea now that the teacher was not made for.
             running &= ~done

@@ -166,8 +166,8 @@ def parser() -> Parser:
     train.add_argument(
         "--preset",
         metavar="KIND|FILE|zoo:NAME",
-        help="kind of agent beside a designed controller (residual, estimate, rate, sensors_rate), or a YAML file of "
-        "settings; from the sensors if not given",
+        help="kind of agent beside a designed controller (residual, estimate, rate, sensors_rate), or a YAML "
+        "file of settings; from the sensors if not given",
     )
     train.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the training (0)")
     train.add_argument("--steps", type=_count, metavar="N", help="environment steps (the preset's)")

@@ -11,6 +11,7 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 import torch
+from stable_baselines3.common.callbacks import BaseCallback
 
 from agents import imitation, networks
 from agents.guide import guide_from_card, make_guide
@@ -376,6 +377,17 @@ def test_an_oracle_teaches_each_row_by_what_it_drew():
     assert np.ptp(look.command) > 0.01
 
 
+class _Until(BaseCallback):
+    """Ends a training once it goes on after a step."""
+
+    def __init__(self, step: int) -> None:
+        super().__init__()
+        self.step = step
+
+    def _on_step(self) -> bool:
+        return self.num_timesteps <= self.step
+
+
 def test_the_actor_stands_still_while_the_critic_learns(tmp_path):
     changes = {"total_steps": SMALL["ppo"]["total_steps"], "critic_first": SMALL["ppo"]["total_steps"] // 2}
     settings = load_preset("ppo", LINEAR, {**guided(), **changes})
@@ -388,12 +400,14 @@ def test_the_actor_stands_still_while_the_critic_learns(tmp_path):
     def weights():
         return {name: value.detach().clone() for name, value in model.policy.named_parameters()}
 
+    rollout = settings.n_envs * settings.options["n_steps"]
     before = weights()
     networks.hold_actor(model, True)
-    model.learn(settings.n_envs * settings.options["n_steps"])
+    # The rate falls to nothing at the end of what is announced.
+    model.learn(4 * rollout, _Until(rollout))
     held = weights()
     networks.hold_actor(model, False)
-    model.learn(settings.n_envs * settings.options["n_steps"])
+    model.learn(4 * rollout, _Until(rollout))
     moved = weights()
     actors = [name for name in before if "policy_net" in name or "action_net" in name or name == "log_std"]
     critics = [name for name in before if "value_net" in name]
