@@ -234,9 +234,9 @@ class Plant:
         self._calls = [share.ctypes.data for share in self._shares]
         self._first_call = self._calls[0]
         # Of one number, Python reads and writes these several times as fast as the arrays.
-        self._action_given: Any = memoryview(self._actions)
-        self._reward_found: Any = memoryview(self._reward)
-        self._outcome_found: Any = memoryview(self._outcome)
+        self._action_given: Any = self._actions.data
+        self._reward_found: Any = self._reward.data
+        self._outcome_found: Any = self._outcome.data
         self._advance, self._begin = self._advance_at_first, self._begin_at_first
 
     def _compile(self) -> None:
