@@ -41,7 +41,7 @@ _SEA_KINDS = {
 DTYPES = ("float64", "float32")
 for (_dtype, _n_lanes), _kernel in k.KERNELS.items():
     _of = "one environment" if _n_lanes == 1 else "a batch"
-    announce_compilation(_kernel, f"the plant's kernel for {_of} in {_dtype} (about 15 s)")
+    announce_compilation(_kernel, f"the plant's kernel for {_of} in {_dtype} (about 25 s)")
 
 
 def cubic_coefficients(n_substeps: int, control_dt: float) -> Array:
