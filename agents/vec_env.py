@@ -138,7 +138,7 @@ class HeaveVecEnv(VecEnv):
         if not names:
             return [{} for _ in range(self.num_envs)]
         diverged = info["diverged"].tolist()
-        return [StepInfo(value, names, _info_row, info, row) for row, value in enumerate(diverged)]
+        return [StepInfo.of(value, names, _info_row, info, row) for row, value in enumerate(diverged)]
 
 
 def _info_row(info: dict[str, Any], row: int) -> dict[str, Any]:

@@ -25,6 +25,8 @@ def _register() -> None:
             entry_point="heave_env.env:HeaveEnv",
             vector_entry_point="heave_env.env:HeaveVectorEnv",
             max_episode_steps=scenario.n_steps,
+            # The environment looks to the order of its calls itself.
+            order_enforce=False,
             kwargs={"scenario": name},
         )
 

@@ -82,34 +82,37 @@ class StepInfo(dict[str, Any]):
     becomes a plain dictionary) like any other. Most are thrown away unread, and cost next to nothing.
     """
 
-    __slots__ = ("_arguments", "_known", "_make")
+    __slots__ = ("_known", "_recipe")
 
-    def __init__(
-        self, diverged: Any, known: Container[str], make: Callable[..., dict[str, Any]], *arguments: Any
-    ) -> None:
-        """Says how the entries are made.
+    _known: Container[str]
+    _recipe: tuple[Any, ...] | None
+
+    @staticmethod
+    def of(diverged: Any, known: Container[str], *recipe: Any) -> StepInfo:
+        """An info whose entries are not yet made.
 
         Args:
             diverged: The entry of this name, there from the start: some code (json) asks a dictionary for
                 nothing but its size, and must not find it empty.
             known: Names of all entries.
-            make: Makes the entries of `arguments`.
-            *arguments: What it makes them of, this step's own.
+            *recipe: What makes the entries, and its arguments, this step's own.
         """
-        self["diverged"] = diverged
-        self._known, self._make = known, make
-        self._arguments: tuple[Any, ...] | None = arguments
+        # An `__init__` would take three times as long as all of this.
+        info = StepInfo()
+        info["diverged"] = diverged
+        info._known, info._recipe = known, recipe
+        return info
 
     def _fill(self) -> None:
-        arguments, self._arguments = self._arguments, None
-        if arguments is not None:
-            made = self._make(*arguments)
+        recipe, self._recipe = self._recipe, None
+        if recipe is not None:
+            made = recipe[0](*recipe[1:])
             made.update(self)
             dict.clear(self)
             dict.update(self, made)
 
     def __missing__(self, key: str) -> Any:
-        if self._arguments is None or key not in self._known:
+        if self._recipe is None or key not in self._known:
             raise KeyError(key)
         self._fill()
         return dict.__getitem__(self, key)
@@ -122,7 +125,7 @@ class StepInfo(dict[str, Any]):
             return default
 
     def __contains__(self, key: object) -> bool:
-        return dict.__contains__(self, key) or (self._arguments is not None and key in self._known)
+        return dict.__contains__(self, key) or (self._recipe is not None and key in self._known)
 
     def __eq__(self, other: object) -> bool:
         self._fill()
@@ -482,7 +485,7 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
         if not self._info:
             return {}
         diverged = np.zeros(self.num_envs) if fate is None else (fate == DIVERGED).astype(np.float64)
-        return StepInfo(diverged, self._known, self._made_info, self.plant.channel_block(), fate)
+        return StepInfo.of(diverged, self._known, self._made_info, self.plant.channel_block(), fate)
 
     def _made_info(self, block: Array, fate: Array | None) -> dict[str, Any]:
         mask = np.ones(self.num_envs, dtype=np.bool_)
@@ -559,7 +562,7 @@ class HeaveEnv(gym.Env):
         self._steps = 0
         self._seeded = False
         self._finished = True
-        self._action = np.empty(1)
+        self._n_steps = self.plant.n_steps
         self._observation = self.plant.observation[0]
         self._traces = _Traces(self.plant, 0) if render_mode is not None else None
         self._window: HumanWindow | None = None
@@ -590,25 +593,24 @@ class HeaveEnv(gym.Env):
         if self._finished:
             raise gym.error.ResetNeeded("the episode has not begun, or is over: call reset() before step()")
         # The usual action takes the short way: checking one number with array functions costs microseconds.
-        if type(action) is np.ndarray and action.shape == (1,):
-            value = action.item()
-        else:
-            value = checked_actions(action, (1,)).item()
-        if not math.isfinite(value):
+        try:
+            (value,) = action.tolist()
+            is_finite = math.isfinite(value)
+        except (AttributeError, TypeError, ValueError):
+            value, is_finite = checked_actions(action, (1,)).item(), True
+        if not is_finite:
             raise ValueError(f"action must be finite numbers in [-1, 1], got {value}")
-        plant, given = self.plant, self._action
-        given[0] = value
-        plant.advance(given)
+        reward, fate = self.plant.advance_one(value)
         self._steps = steps = self._steps + 1
-        fate = plant.outcome.item()
         terminated = fate != RUNNING
-        truncated = steps >= plant.n_steps and not terminated
-        self._finished = terminated or truncated
+        truncated = steps >= self._n_steps and not terminated
+        if terminated or truncated:
+            self._finished = True
         if self._traces is not None:
             self._traces.record()
             self._show_human()
         info = self._infos(fate) if self._info else {}
-        return self._observation.copy(), plant.reward.item(), terminated, truncated, info
+        return self._observation.copy(), reward, terminated, truncated, info
 
     def render(self) -> Any:
         """A frame (uint8, (480, 640, 3)), a string for "ansi", or None for "human"."""
@@ -628,7 +630,7 @@ class HeaveEnv(gym.Env):
         if not self._info:
             return {}
         diverged = 1.0 if fate == DIVERGED else 0.0
-        return StepInfo(diverged, self._known, self._made_info, self.plant.channel_block(), fate)
+        return StepInfo.of(diverged, self._known, self._made_info, self.plant.channel_block(), fate)
 
     def _made_info(self, block: Array, fate: int) -> dict[str, Any]:
         values = block.tolist()

@@ -155,6 +155,7 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     ADDRESS_STATE,
     ADDRESS_COUNTERS,
     ADDRESS_TABLES,
+    ADDRESS_NUMBERS,
     ADDRESS_OBSERVATION,
     ADDRESS_REWARD,
     ADDRESS_OUTCOME,
@@ -189,6 +190,7 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     ROW_NODES,
     AT_HERMITE,
     AT_FILTER,
+    AT_COLUMNS,
     AT_COMPONENTS,
     AT_SENSORS,
     AT_RECORDING,
@@ -214,7 +216,7 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     WORK_CABLE,
     KEEPS_TENSIONS,
     N_CONFIGURATION,
-) = range(62)
+) = range(64)
 # What a call is told of: its share of the blocks, and a scratch block of its own.
 SHARE_CONFIGURATION, SHARE_SCRATCH, SHARE_FIRST_BLOCK, SHARE_LAST_BLOCK = range(4)
 
@@ -230,6 +232,8 @@ RUNNING, DIVERGED, LOST, LANDED = 0, 1, 2, 3
 
 # Lanes that draw their normal numbers together.
 _DRAWN_LANES = 16
+WIDE = 4
+"""States of the wave filter that a single environment computes together."""
 # Indices of draws, beyond those of a step's noise and of a sea's beginning.
 _DROPOUT, _ERRORS = 4096, 1 << 20
 
@@ -313,7 +317,7 @@ def _draw_normals_of(W, I, rows, n_first, first_stream, n_second, second_stream,
 
 
 @stage
-def _filter_output(S, W, cfg, tables):
+def _filter_output(S, W, cfg, numbers):
     """Boom-tip heave and rate from the filter's states."""
     n, states = cfg[N_FILTER], cfg[ROW_FILTER]
     output, own = cfg[AT_FILTER] + 3 * n * n, cfg[ROW_SEA] + 3 * n * n
@@ -323,14 +327,14 @@ def _filter_output(S, W, cfg, tables):
         if cfg[SEA_VARIES] == 1:
             heave, rate = fused(S[own + i], state, heave), fused(S[own + n + i], state, rate)
         else:
-            heave = fused(constant(S, tables[output + i]), state, heave)
-            rate = fused(constant(S, tables[output + n + i]), state, rate)
+            heave = fused(constant(S, numbers[output + i]), state, heave)
+            rate = fused(constant(S, numbers[output + n + i]), state, rate)
     W[NEW_BOOM_TIP], W[NEW_BOOM_TIP_RATE] = heave, rate
 
 
 @stage
-def _filter_step(S, W, cfg, tables):
-    """Wave and vessel filter over a control step, exact: x <- F x + S z."""
+def _filter_rows(S, W, cfg, numbers):
+    """`_filter_step`, state by state."""
     n, states, shared, own = cfg[N_FILTER], cfg[ROW_FILTER], cfg[AT_FILTER], cfg[ROW_SEA]
     fresh, noise = cfg[WORK_FILTER], cfg[WORK_NOISE]
     for i in range(n):
@@ -342,17 +346,53 @@ def _filter_step(S, W, cfg, tables):
                 state = fused(S[own + n * n + i * n + j], W[noise + j], state)
         else:
             for j in range(n):
-                state = fused(constant(S, tables[shared + i * n + j]), S[states + j], state)
+                state = fused(constant(S, numbers[shared + i * n + j]), S[states + j], state)
             for j in range(i + 1):
-                state = fused(constant(S, tables[shared + n * n + i * n + j]), W[noise + j], state)
+                state = fused(constant(S, numbers[shared + n * n + i * n + j]), W[noise + j], state)
         W[fresh + i] = state
     for i in range(n):
         S[states + i] = W[fresh + i]
-    _filter_output(S, W, cfg, tables)
 
 
 @stage
-def _begin_filter(S, W, I, cfg, tables):
+def _filter_columns(S, W, cfg, numbers):
+    """`_filter_step` of a single environment: some states take the lanes, and the columns stand in turn."""
+    n, states, fresh, noise = cfg[N_FILTER], cfg[ROW_FILTER], cfg[WORK_FILTER], cfg[WORK_NOISE]
+    new, matrices = lanes_of(W, 0, WIDE), lanes_of(numbers, 0, WIDE)
+    at, n_wide = cfg[AT_COLUMNS], -(-n // WIDE) * WIDE
+    for first in range(0, n, WIDE):
+        state = constant(matrices[at + first], 0.0)
+        for j in range(n):
+            state = fused(matrices[at + first + j * n_wide], constant(state, S[states + j]), state)
+        for j in range(n):
+            state = fused(matrices[at + first + (n + j) * n_wide], constant(state, W[noise + j]), state)
+        new[fresh + first] = state
+    for i in range(n):
+        S[states + i] = W[fresh + i]
+
+
+def _filter_step(S, W, cfg, numbers):
+    """Wave and vessel filter over a control step, exact: x <- F x + S z."""
+
+
+@overload(_filter_step, jit_options={"error_model": "numpy", "forceinline": True})
+def _filter_step_of(S, W, cfg, numbers):
+    def alone(S, W, cfg, numbers):
+        if cfg[SEA_VARIES] == 1:
+            _filter_rows(S, W, cfg, numbers)
+        else:
+            _filter_columns(S, W, cfg, numbers)
+        _filter_output(S, W, cfg, numbers)
+
+    def many(S, W, cfg, numbers):
+        _filter_rows(S, W, cfg, numbers)
+        _filter_output(S, W, cfg, numbers)
+
+    return alone if S.n_lanes == 1 else many
+
+
+@stage
+def _begin_filter(S, W, I, cfg, numbers):
     """Draws one lane's filter state from the stationary distribution."""
     n, states, noise = cfg[N_FILTER], cfg[ROW_FILTER], cfg[WORK_NOISE]
     shared, own = cfg[AT_FILTER] + 2 * n * n, cfg[ROW_SEA] + 2 * n * n
@@ -361,10 +401,10 @@ def _begin_filter(S, W, I, cfg, tables):
         state = constant(S, 0.0)
         for j in range(i + 1):
             at = i * n + j
-            root = S[own + at] if cfg[SEA_VARIES] == 1 else constant(S, tables[shared + at])
+            root = S[own + at] if cfg[SEA_VARIES] == 1 else constant(S, numbers[shared + at])
             state = fused(root, W[noise + j], state)
         S[states + i] = state
-    _filter_output(S, W, cfg, tables)
+    _filter_output(S, W, cfg, numbers)
 
 
 @stage
@@ -415,7 +455,7 @@ def _recorded_substep(S, W, I, cfg, tables, substep, dt):
 
 
 @stage
-def _boom_tip_at_substep(S, W, cfg, tables, substep):
+def _boom_tip_at_substep(S, W, cfg, numbers, substep):
     """Sheave heave and rate at the end of a solver step, positive up.
 
     Between control instants the boom tip is the cubic through its heave and rate at both.
@@ -423,8 +463,8 @@ def _boom_tip_at_substep(S, W, cfg, tables, substep):
     at = cfg[AT_HERMITE] + 8 * substep
     x0, v0, x1, v1 = W[OLD_BOOM_TIP], W[OLD_BOOM_TIP_RATE], W[NEW_BOOM_TIP], W[NEW_BOOM_TIP_RATE]
     for row in (SHEAVE_NEW, SHEAVE_RATE_NEW):
-        a, b = constant(S, tables[at]), constant(S, tables[at + 1])
-        c, d = constant(S, tables[at + 2]), constant(S, tables[at + 3])
+        a, b = constant(S, numbers[at]), constant(S, numbers[at + 1])
+        c, d = constant(S, numbers[at + 2]), constant(S, numbers[at + 3])
         W[row] = fused(a, x0, fused(b, v0, fused(c, x1, d * v1)))
         at += 4
 
@@ -458,25 +498,9 @@ def _pay_out_over_substep(S, I, tables, substep, dt):
 
 
 @stage
-def _solve_cable(S, W, cfg, dt):
-    cable_solve(
-        S,
-        W,
-        cfg[ROW_NODES],
-        cfg[WORK_CABLE],
-        cfg[N_ELEMENTS],
-        cfg[N_ITERATIONS],
-        dt,
-        cfg[TENSION_ONLY] == 1,
-        cfg[HOOKEAN] == 1,
-    )
-
-
-@stage
-def _rod_trial(S, W, cfg, dt):
-    """Solves the cable with the sheave where the rods' trial ends put it, positive down."""
-    W[SHEAVE_NEW] = W[BOOM_TIP_BELOW] - S[COMPENSATOR_DISPLACEMENT]
-    _solve_cable(S, W, cfg, dt)
+def _cable_numbers(cfg):
+    """Where the cable's rows begin in the state and in the scratch block, its elements and iterations."""
+    return cfg[ROW_NODES], cfg[WORK_CABLE], cfg[N_ELEMENTS], cfg[N_ITERATIONS]
 
 
 @stage
@@ -504,7 +528,8 @@ def _first_rod_end(S, W, cfg, dt):
     # A first slope that errs to the stiff side: rod, gas and the cable's uppermost element.
     stiff = S[COMPENSATOR_DAMPING] / step + two * S[COMPENSATOR_MASS] / (step * step)
     stiff += S[GAS_FORCE] / S[GAS_LENGTH]
-    stiff += element_stiffness(S, W, cfg[WORK_CABLE], dt, cfg[TENSION_ONLY] == 1, cfg[HOOKEAN] == 1)
+    tension_only, hookean = cfg[TENSION_ONLY] == 1, cfg[HOOKEAN] == 1
+    stiff += element_stiffness(S, W, cfg[WORK_CABLE], dt, tension_only, hookean)
     S[COMPENSATOR_DISPLACEMENT] = rod - gap / max(stiff, constant(S, 1.0))
 
 
@@ -533,55 +558,25 @@ def _solve_with_rod(S, W, cfg, dt):
     W[BOOM_TIP_BELOW] = W[SHEAVE_NEW]
     W[SHEAVE_OLD] = W[SHEAVE_OLD] - old
     S[COMPENSATOR_DISPLACEMENT] = old + step * S[COMPENSATOR_RATE]
-    _rod_trial(S, W, cfg, dt)
-    for number in range(n_lanes_of(S)):
-        _first_rod_end(lane_of(S, number), lane_of(W, number), cfg, dt)
-    n_trials = 4 if cfg[TENSION_ONLY] == 1 or cfg[HOOKEAN] == 0 else 2
-    for trial in range(n_trials):
-        _rod_trial(S, W, cfg, dt)
+    tension_only, hookean = cfg[TENSION_ONLY] == 1, cfg[HOOKEAN] == 1
+    n_guesses = 5 if tension_only or not hookean else 3
+    for guess in range(n_guesses + 1):
+        # With the sheave where the rod's trial end puts it, positive down.
+        W[SHEAVE_NEW] = W[BOOM_TIP_BELOW] - S[COMPENSATOR_DISPLACEMENT]
+        nodes, work, n_elements, n_iterations = _cable_numbers(cfg)
+        cable_solve(S, W, nodes, work, n_elements, n_iterations, dt, tension_only, hookean, True)
         for number in range(n_lanes_of(S)):
-            _better_rod_end(lane_of(S, number), lane_of(W, number), cfg, dt, trial + 1 == n_trials)
-    _rod_trial(S, W, cfg, dt)
+            own, scratch = lane_of(S, number), lane_of(W, number)
+            if guess == 0:
+                _first_rod_end(own, scratch, cfg, dt)
+            elif guess < n_guesses:
+                _better_rod_end(own, scratch, cfg, dt, guess + 1 == n_guesses)
     rod = S[COMPENSATOR_DISPLACEMENT]
     at_stop = absolute(rod) >= S[HALF_STROKE]
     rate = two * (rod - old) / step - S[COMPENSATOR_RATE]
     # Without mass the midpoint's rates would ring about the mean, which means nothing then.
     rate = where(S[COMPENSATOR_MASS] > zero, rate, (rod - old) / step)
     S[COMPENSATOR_RATE] = where(at_stop, zero, rate)
-
-
-@stage
-def _cable_substep(S, W, cfg, dt):
-    """The finite-difference cable over a solver step, with the winch's work on it."""
-    u = S[WINCH_DISPLACEMENT]
-    hauled = u - W[WINCH_OLD]
-    W[LENGTH_OLD] = S[LENGTH]
-    W[LENGTH_SPEED] = S[PAYOUT_RATE] - hauled * constant(S, 1.0 / dt)
-    S[LENGTH] = S[INITIAL_LENGTH] + S[PAYOUT] - u
-    # The cable's own signs are positive down.
-    heave, heave_rate = W[SHEAVE_NEW], W[SHEAVE_RATE_NEW]
-    W[SHEAVE_OLD], W[SHEAVE_NEW] = -W[SHEAVE_OLD], -heave
-    if cfg[HAS_COMPENSATOR] == 1:
-        _solve_with_rod(S, W, cfg, dt)
-    else:
-        _solve_cable(S, W, cfg, dt)
-    cable_move(
-        S,
-        W,
-        cfg[ROW_NODES],
-        cfg[WORK_CABLE],
-        cfg[N_ELEMENTS],
-        dt,
-        cfg[TENSION_ONLY] == 1,
-        cfg[HOOKEAN] == 1,
-        cfg[KEEPS_TENSIONS] == 1,
-    )
-    work = S[SHEAVE_TENSION] * hauled
-    share = where(work > constant(S, 0.0), S[SUPPLY_PER_WORK], S[RETURNED_SHARE])
-    W[STEP_WORK] = W[STEP_WORK] + work
-    W[STEP_MOVED] = W[STEP_MOVED] + absolute(work)
-    W[STEP_SUPPLY] = fused(work, share, W[STEP_SUPPLY])
-    W[SHEAVE_NEW], W[SHEAVE_RATE_NEW] = heave, heave_rate
 
 
 @stage
@@ -659,7 +654,7 @@ def _winch_substep(S, W, cfg, slot, substep, dt):
 
 
 @stage
-def _substep(S, W, I, cfg, tables, slot, substep, dt):
+def _substep(S, W, I, cfg, tables, numbers, slot, substep, dt):
     """Sea, winch and cable or linear payload over a solver step."""
     W[SHEAVE_OLD], W[SHEAVE_RATE_OLD] = W[SHEAVE_NEW], W[SHEAVE_RATE_NEW]
     if cfg[SEA_KIND] == RECORDED:
@@ -667,15 +662,36 @@ def _substep(S, W, I, cfg, tables, slot, substep, dt):
             one, scratch = lane_of(S, number), lane_of(W, number)
             _recorded_substep(one, scratch, lane_of(I, number), cfg, tables, substep, dt)
     else:
-        _boom_tip_at_substep(S, W, cfg, tables, substep)
+        _boom_tip_at_substep(S, W, cfg, numbers, substep)
         if cfg[HAS_PAY_OUT] == 1:
             for number in range(n_lanes_of(S)):
                 _pay_out_over_substep(lane_of(S, number), lane_of(I, number), tables, substep, dt)
     _winch_substep(S, W, cfg, slot, substep, dt)
     if cfg[IS_LINEAR] == 1:
         _linear_substep(S, W)
+        return
+    # The finite-difference cable, with the winch's work on it.
+    u = S[WINCH_DISPLACEMENT]
+    hauled = u - W[WINCH_OLD]
+    W[LENGTH_OLD] = S[LENGTH]
+    W[LENGTH_SPEED] = S[PAYOUT_RATE] - hauled * constant(S, 1.0 / dt)
+    S[LENGTH] = S[INITIAL_LENGTH] + S[PAYOUT] - u
+    # The cable's own signs are positive down.
+    heave, heave_rate = W[SHEAVE_NEW], W[SHEAVE_RATE_NEW]
+    W[SHEAVE_OLD], W[SHEAVE_NEW] = -W[SHEAVE_OLD], -heave
+    nodes, work, n_elements, n_iterations = _cable_numbers(cfg)
+    tension_only, hookean, keeps = cfg[TENSION_ONLY] == 1, cfg[HOOKEAN] == 1, cfg[KEEPS_TENSIONS] == 1
+    if cfg[HAS_COMPENSATOR] == 1:
+        _solve_with_rod(S, W, cfg, dt)
     else:
-        _cable_substep(S, W, cfg, dt)
+        cable_solve(S, W, nodes, work, n_elements, n_iterations, dt, tension_only, hookean, False)
+    cable_move(S, W, nodes, work, n_elements, dt, tension_only, hookean, keeps)
+    work_done = S[SHEAVE_TENSION] * hauled
+    share = where(work_done > constant(S, 0.0), S[SUPPLY_PER_WORK], S[RETURNED_SHARE])
+    W[STEP_WORK] = W[STEP_WORK] + work_done
+    W[STEP_MOVED] = W[STEP_MOVED] + absolute(work_done)
+    W[STEP_SUPPLY] = fused(work_done, share, W[STEP_SUPPLY])
+    W[SHEAVE_NEW], W[SHEAVE_RATE_NEW] = heave, heave_rate
 
 
 # Sensors and task --------------------------------------------------------------------------------
@@ -731,7 +747,7 @@ def _begin_sensors(S, I, cfg, tables):
 
 
 @stage
-def _measure(S, W, I, cfg, tables, slot, noise):
+def _measure(S, W, I, cfg, tables, numbers, slot, noise):
     """Writes this instant's samples, noisy, scaled and clipped, into their place in the sensor ring."""
     n, bound = cfg[N_SENSORS], constant(S, OBSERVATION_BOUND)
     for s in range(n):
@@ -743,8 +759,8 @@ def _measure(S, W, I, cfg, tables, slot, noise):
         if cfg[SENSORS_VARY] == 1:
             std, offset, per_scale = S[own], S[own + 1], S[own + 2]
         else:
-            std, offset = constant(S, tables[at]), constant(S, tables[at + 1])
-            per_scale = constant(S, tables[at + 2])
+            std, offset = constant(S, numbers[at]), constant(S, numbers[at + 1])
+            per_scale = constant(S, numbers[at + 2])
         truth = S[cfg[N_CONFIGURATION + 2 * s]]
         if cfg[SENSORS_ERR] == 1:
             truth = _distorted(S, cfg, tables, s, truth)
@@ -887,6 +903,7 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
         align_stack()
         cfg = integers_at(integers_at(share)[SHARE_CONFIGURATION])
         tables = block_at(cfg[ADDRESS_TABLES], 0, 1, 0)
+        numbers = block_at(cfg[ADDRESS_NUMBERS], single, 1, 0)
         W = block_at(integers_at(share)[SHARE_SCRATCH], single, n_lanes, plain)
         n_substeps, n_sensors = cfg[N_SUBSTEPS], cfg[N_SENSORS]
         control_dt = tables[CONTROL_DT]
@@ -916,13 +933,13 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
             noise = cfg[WORK_NOISE]
             _draw_normals(W, I, noise, n_sea, SEA, n_sensors, SENSORS, 1)
             if cfg[SEA_KIND] == FILTERED:
-                _filter_step(S, W, cfg, tables)
+                _filter_step(S, W, cfg, numbers)
             elif cfg[SEA_KIND] == SINUSOIDS:
                 for number in range(n_lanes):
                     own, scratched = lane_of(S, number), lane_of(W, number)
                     _sum_sinusoids(own, scratched, lane_of(I, number), cfg, tables, 1.0)
             for substep in range(n_substeps):
-                _substep(S, W, I, cfg, tables, command_slot, substep, control_dt / n_substeps)
+                _substep(S, W, I, cfg, tables, numbers, command_slot, substep, control_dt / n_substeps)
             S[BOOM_TIP_HEAVE], S[BOOM_TIP_HEAVE_RATE] = W[SHEAVE_NEW], W[SHEAVE_RATE_NEW]
             per_step = constant(S, 1.0 / control_dt)
             S[WINCH_POWER], S[SUPPLY_POWER] = W[STEP_WORK] * per_step, W[STEP_SUPPLY] * per_step
@@ -932,7 +949,7 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
             outcome = words_at(cfg[ADDRESS_OUTCOME] + first_row * 8, n_lanes, plain)
             _charge(S, W, I, cfg, reward, outcome)
             I[STEP] = I[STEP] + constant(I, 1)
-            _measure(S, W, I, cfg, tables, slot, noise + (n_sea + 3) // 4 * 4)
+            _measure(S, W, I, cfg, tables, numbers, slot, noise + (n_sea + 3) // 4 * 4)
             observation = block_at(cfg[ADDRESS_OBSERVATION] + first_row * cfg[N_OBSERVED] * 4, 1, 1, 0)
             _observe(S, W, cfg, slot, command_slot, observation, n_rows)
 
@@ -950,6 +967,7 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
         align_stack()
         cfg = integers_at(integers_at(share)[SHARE_CONFIGURATION])
         tables = block_at(cfg[ADDRESS_TABLES], 0, 1, 0)
+        numbers = block_at(cfg[ADDRESS_NUMBERS], single, 1, 0)
         W = lane_of(block_at(integers_at(share)[SHARE_SCRATCH], single, n_lanes, plain), 0)
         begins = integers_at(cfg[ADDRESS_BEGINS])
         command_slot = (position + cfg[N_PENDING]) % (cfg[N_PENDING] + 1)
@@ -968,7 +986,7 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
                 S[channel] = zero
             W[NEW_BOOM_TIP], W[NEW_BOOM_TIP_RATE] = zero, zero
             if cfg[SEA_KIND] == FILTERED:
-                _begin_filter(S, W, I, cfg, tables)
+                _begin_filter(S, W, I, cfg, numbers)
             elif cfg[SEA_KIND] == SINUSOIDS:
                 _begin_sinusoids(S, I, cfg, tables)
                 _sum_sinusoids(S, W, I, cfg, tables, 0.0)
@@ -991,7 +1009,8 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
                 S[PAYLOAD_HEAVE] = S[BOOM_TIP_HEAVE] + S[WINCH_DISPLACEMENT]
             else:
                 S[LENGTH] = S[INITIAL_LENGTH] - S[WINCH_DISPLACEMENT]
-                hang_still(S, cfg[ROW_NODES], cfg[N_ELEMENTS], -S[BOOM_TIP_HEAVE], cfg[HOOKEAN] == 1)
+                hookean, keeps = cfg[HOOKEAN] == 1, cfg[KEEPS_TENSIONS] == 1
+                hang_still(S, cfg[ROW_NODES], cfg[N_ELEMENTS], -S[BOOM_TIP_HEAVE], hookean, keeps)
                 _show_cable(S, cfg)
                 S[SHEAVE_TENSION] = S[PAYLOAD_WEIGHT] + S[CABLE_WEIGHT] * S[LENGTH]
                 S[PAYLOAD_TENSION] = S[PAYLOAD_WEIGHT]
@@ -1004,7 +1023,7 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
             # Before the episode the sensors are taken to have read what they read now.
             n = cfg[N_SENSORS]
             _draw_normals(W, I, cfg[WORK_NOISE], 0, SENSORS, n, SENSORS, 0)
-            _measure(S, W, I, cfg, tables, slot, cfg[WORK_NOISE])
+            _measure(S, W, I, cfg, tables, numbers, slot, cfg[WORK_NOISE])
             for past in range(cfg[SENSOR_RING]):
                 for s in range(n):
                     S[cfg[ROW_SENSORS] + past * n + s] = S[cfg[ROW_SENSORS] + slot * n + s]

@@ -620,6 +620,35 @@ def lane(typing_context, values, number):
 
 
 @intrinsic
+def pair(typing_context, first, second):
+    """Two plain numbers in two lanes."""
+    if first != second or not _is_float(first) or isinstance(first, Lanes):
+        return None
+    kind = Lanes(first, 2, False)
+
+    def generate(context, builder, called, given):
+        made = ir.Constant(_machine_type(kind), ir.Undefined)
+        for i, number in enumerate(given):
+            made = builder.insert_element(made, number, ir.Constant(ir.IntType(32), i))
+        return made
+
+    return kind(first, second), generate
+
+
+@intrinsic
+def swapped(typing_context, values):
+    """Two lanes in the other order."""
+    if not isinstance(values, Lanes) or values.n_lanes != 2:
+        return None
+
+    def generate(context, builder, called, given):
+        places = ir.Constant(ir.VectorType(ir.IntType(32), 2), [1, 0])
+        return builder.shuffle_vector(given[0], given[0], places)
+
+    return values(values), generate
+
+
+@intrinsic
 def store_across(typing_context, numbers, first, stride, a, b, c, d):
     """Stores four values of float32 lane by lane: those of a lane side by side, from `numbers[first]` on,
     those of the next `stride` further on."""

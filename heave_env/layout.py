@@ -122,12 +122,12 @@ PAYOUT_RATE = 85
 ENERGY_WEIGHT = 86
 N_FIXED = 87
 
-# Fields of a node; the node j stands at the rows from `nodes + N_NODE_FIELDS * j`. The tension is that of the
-# element below the node, mean over the last solver step.
+# Fields of a node; the node j stands at the rows from `nodes + N_NODE_FIELDS * j`. Behind the last follow, of
+# each element, the Maxwell branch (ropes beyond Hooke's law) and, if it is kept, the tension, mean over the
+# last solver step.
 DISPLACEMENT = 0
 VELOCITY = 1
-TENSION = 2
-N_NODE_FIELDS = 3
+N_NODE_FIELDS = 2
 
 # Rows of the scratch block, which a step fills before it reads them: one serves all blocks in turn, so that
 # it stays in the cache.
@@ -163,10 +163,12 @@ STEP_MOVED = 28
 SHOWN = 29  # four rows
 N_SCRATCH = 33
 
-# Fields of a node in the scratch block; what is called tension and stiffness belongs to the element below.
-SUPER = 0
-INCREMENT = 1
-TRIAL_VELOCITY = 2
-ELEMENT_STIFFNESS = 3
-ELEMENT_TENSION = 4
-N_WORK_FIELDS = 5
+# Fields of a node in the scratch block; what is called tension and stiffness belongs to the element below. A
+# node's increment is SHARE times that of the next one towards the middle, plus LOADED.
+SHARE = 0
+LOADED = 1
+INCREMENT = 2
+TRIAL_VELOCITY = 3
+ELEMENT_STIFFNESS = 4
+ELEMENT_TENSION = 5
+N_WORK_FIELDS = 6

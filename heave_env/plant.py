@@ -7,7 +7,6 @@ faces, `simulate` and the tests all stand on it.
 from __future__ import annotations
 
 import math
-from concurrent.futures import ThreadPoolExecutor
 from itertools import pairwise
 from typing import Any
 
@@ -28,6 +27,7 @@ from heave_env.sea import read_motion, square_root
 from heave_env.sensors import COMPENSATOR_CHANNELS, HIGH_PASS_DAMPING, Sensor
 from heave_env.streams import PARAMETERS, uniform_number
 from heave_env.vessel import boom_tip_components, boom_tip_filter
+from heave_env.workers import Workers
 
 Array = np.ndarray
 
@@ -41,7 +41,7 @@ _SEA_KINDS = {
 DTYPES = ("float64", "float32")
 for (_dtype, _n_lanes), _kernel in k.KERNELS.items():
     _of = "one environment" if _n_lanes == 1 else "a batch"
-    announce_compilation(_kernel, f"the plant's kernel for {_of} in {_dtype} (about 15 s)")
+    announce_compilation(_kernel, f"the plant's kernel for {_of} in {_dtype} (about 25 s)")
 
 
 def cubic_coefficients(n_substeps: int, control_dt: float) -> Array:
@@ -105,6 +105,15 @@ def sea_table(scenario: Scenario) -> Array:
     F, Q = boom_tip.discretised(scenario.control_dt)
     parts = (F, square_root(Q), square_root(boom_tip.covariance), boom_tip.C)
     return np.concatenate([np.ravel(part) for part in parts])
+
+
+def filter_columns(sea: Array, n_filter: int) -> Array:
+    """The columns of a filtered sea's transition and then of its step's root, each filled up with zeros so
+    that a single environment can take `kernel.WIDE` states at a time."""
+    matrices = sea[: 2 * n_filter**2].reshape(2, n_filter, n_filter)
+    columns = np.zeros((2, n_filter, -(-n_filter // k.WIDE) * k.WIDE))
+    columns[:, :, :n_filter] = matrices.transpose(0, 2, 1)
+    return np.ravel(columns)
 
 
 def sensor_table(scenario: Scenario, nominal: Scenario) -> Array:
@@ -198,7 +207,7 @@ class Plant:
         self._scratch = aligned_zeros((n_threads, n_scratch, self.n_lanes), dtype)
         for scratch in self._scratch[:, self._cfg[k.WORK_CABLE] :] if not scenario.is_linear else ():
             fill_work(scratch)
-        self._pool = ThreadPoolExecutor(n_threads) if n_threads > 1 else None
+        self._workers = Workers(n_threads) if n_threads > 1 else None
         self._bind()
 
     def _bind(self) -> None:
@@ -207,6 +216,7 @@ class Plant:
         cfg[k.ADDRESS_STATE] = self._state.ctypes.data
         cfg[k.ADDRESS_COUNTERS] = self._counters.ctypes.data
         cfg[k.ADDRESS_TABLES] = self._tables.ctypes.data
+        cfg[k.ADDRESS_NUMBERS] = self._numbers.ctypes.data
         cfg[k.ADDRESS_OBSERVATION] = self.observation.ctypes.data
         cfg[k.ADDRESS_REWARD] = self._reward.ctypes.data
         cfg[k.ADDRESS_OUTCOME] = self._outcome.ctypes.data
@@ -223,6 +233,10 @@ class Plant:
         )
         self._calls = [share.ctypes.data for share in self._shares]
         self._first_call = self._calls[0]
+        # Of one number, Python reads and writes these several times as fast as the arrays.
+        self._action_given: Any = self._actions.data
+        self._reward_found: Any = self._reward.data
+        self._outcome_found: Any = self._outcome.data
         self._advance, self._begin = self._advance_at_first, self._begin_at_first
 
     def _compile(self) -> None:
@@ -250,6 +264,9 @@ class Plant:
             "_shares",
             "_calls",
             "_first_call",
+            "_action_given",
+            "_reward_found",
+            "_outcome_found",
         }
         return {name: value for name, value in self.__dict__.items() if name not in bound}
 
@@ -317,16 +334,13 @@ class Plant:
             (k.ROW_SENSOR_TABLE, 3 * len(sensors) if cfg[k.SENSORS_VARY] else 0),
             (k.ROW_DRAWS, len(scenario.uncertainty)),
             (k.ROW_SENSOR_STATE, 5 * len(sensors) if cfg[k.SENSORS_ERR] else 0),
-            (
-                k.ROW_NODES,
-                0 if scenario.is_linear else n_cable_rows(scenario.n_elements, hookean=scenario.is_hookean),
-            ),
+            (k.ROW_NODES, self._n_cable_rows(keeps_tensions=self._keeps_tensions)),
         ):
             cfg[key] = row
             row += count
         cfg[k.N_ROWS] = row
         cfg[k.WORK_FILTER] = rows.N_SCRATCH
-        cfg[k.WORK_NOISE] = cfg[k.WORK_FILTER] + n_filter
+        cfg[k.WORK_NOISE] = cfg[k.WORK_FILTER] + -(-n_filter // k.WIDE) * k.WIDE
         n_quads = -(-n_filter // 4) + -(-len(sensors) // 4)
         cfg[k.WORK_CABLE] = cfg[k.WORK_NOISE] + 4 * n_quads
         tables: list[Array] = [np.array([scenario.control_dt])]
@@ -338,6 +352,7 @@ class Plant:
         place(k.AT_HERMITE, cubic_coefficients(scenario.n_substeps, scenario.control_dt))
         if n_filter or kind == k.SINUSOIDS:
             place(k.AT_FILTER if n_filter else k.AT_COMPONENTS, sea)
+        place(k.AT_COLUMNS, filter_columns(sea, n_filter))
         place(k.AT_SENSORS, sensor_table(scenario, scenario))
         place(k.AT_SENSOR_ERRORS, [sensor_errors(sensor, scenario.control_dt) for sensor in sensors])
         if kind == k.RECORDED:
@@ -347,6 +362,7 @@ class Plant:
         ]
         self._cfg = np.concatenate([cfg, np.ravel(readings), lags]).astype(np.int64)
         self._tables = np.concatenate(tables)
+        self._numbers = self._tables.astype(self.dtype)
         self._state = aligned_zeros((self.n_blocks, row, self.n_lanes), self.dtype)
         self._counters = aligned_zeros((self.n_blocks, k.N_COUNTERS, self.n_lanes), np.uint64)
         self._fill_parameters(self._state, scenario)
@@ -355,6 +371,12 @@ class Plant:
         # Far beyond what any stable plant does under full command.
         reach = 1.0 + scenario.winch.command_range + 10.0 * scenario.boom_tip_scale
         self._state[:, rows.DIVERGENCE_LIMIT] = 100.0 * reach
+
+    def _n_cable_rows(self, *, keeps_tensions: bool) -> int:
+        scenario = self.scenario
+        if scenario.is_linear:
+            return 0
+        return n_cable_rows(scenario.n_elements, hookean=scenario.is_hookean, keeps_tensions=keeps_tensions)
 
     def _recording(self) -> Array:
         scenario = self.scenario
@@ -477,13 +499,25 @@ class Plant:
             self._actions[0] = actions[0]
         else:
             self._actions[: self.n_envs] = actions
-        if self._pool is None:
+        if self._workers is None:
             self._advance(self._first_call, self._position)
         else:
-            work = [self._pool.submit(self._advance, call, self._position) for call in self._calls]
-            for done in work:
-                done.result()
+            self._workers.run(self._advance, [(call, self._position) for call in self._calls])
         self._position += 1
+
+    def advance_one(self, action: float) -> tuple[float, int]:
+        """Advances a batch of one by one control step.
+
+        Args:
+            action: Fraction of the command range, in [-1, 1].
+
+        Returns:
+            Reward and outcome.
+        """
+        self._action_given[0] = action
+        self._advance(self._first_call, self._position)
+        self._position += 1
+        return self._reward_found[0], self._outcome_found[0]
 
     def advance_many(self, asked: tuple[Any, ...], n_steps: int) -> None:
         """Advances every row by `n_steps` control steps in one call of `marching`'s loop.
@@ -494,13 +528,11 @@ class Plant:
         """
         filled = (self._state, self.observation, self._actions, self.reward, self.outcome)
         loop = LOOPS[self.dtype, self.n_lanes]
-        if self._pool is None:
-            loop(*filled, self._shares[0], self._position, *asked)
+        given = [(*filled, share, self._position, *asked) for share in self._shares]
+        if self._workers is None:
+            loop(*given[0])
         else:
-            given = [(*filled, share, self._position, *asked) for share in self._shares]
-            work = [self._pool.submit(loop, *arguments) for arguments in given]
-            for done in work:
-                done.result()
+            self._workers.run(loop, given)
         self._position += n_steps
 
     def steps(self) -> Array:
@@ -540,16 +572,15 @@ class Plant:
         return np.stack(columns, axis=1)[: self.n_envs].astype(np.float32)
 
     def element_tensions(self, row: int) -> Array | None:
-        """Tension of each element of one row's cable, sheave to payload [N]; None without a cable.
+        """Tension of each element of one row's cable, sheave to payload [N].
 
-        Those of the beginning, unless the plant was told to keep them.
+        None without a cable, and if the plant was not told to keep them.
         """
-        if self.scenario.is_linear:
+        if self.scenario.is_linear or not self._keeps_tensions:
             return None
         block, lane = divmod(row, self.n_lanes)
-        first = int(self._cfg[k.ROW_NODES]) + rows.TENSION
-        last = first + rows.N_NODE_FIELDS * self.scenario.n_elements
-        return self._state[block, first : last : rows.N_NODE_FIELDS, lane].astype(np.float64)
+        first = int(self._cfg[k.ROW_NODES]) + self._n_cable_rows(keeps_tensions=False)
+        return self._state[block, first : first + self.scenario.n_elements, lane].astype(np.float64)
 
     def get_state(self) -> dict[str, Array]:
         """Everything that the plant's future depends on, as plain arrays."""
@@ -582,9 +613,9 @@ class Plant:
 
     def close(self) -> None:
         """Lets go of the threads."""
-        if self._pool is not None:
-            self._pool.shutdown(wait=False)
-            self._pool = None
+        if self._workers is not None:
+            self._workers.close()
+            self._workers = None
 
 
 def simulate(

@@ -36,6 +36,7 @@ from functools import cached_property
 
 import numpy as np
 from numba import njit
+from numba.extending import overload
 
 from heave_env.cable.constitutive import (
     branch_after,
@@ -48,14 +49,20 @@ from heave_env.cable.constitutive import (
 from heave_env.cable.convergence import ConvergenceError
 from heave_env.compiled import seldom, source_fingerprint, stage
 from heave_env.lanes import (
+    ALIGNMENT,
     absolute,
     align_stack,
     block_at,
     constant,
     fused,
+    lane,
+    lanes_of,
     maximum,
     minimum,
+    n_lanes_of,
     numbers_from,
+    pair,
+    swapped,
     where,
 )
 from heave_env.layout import (
@@ -74,6 +81,7 @@ from heave_env.layout import (
     LENGTH,
     LENGTH_OLD,
     LENGTH_SPEED,
+    LOADED,
     N_FIXED,
     N_NODE_FIELDS,
     N_SCRATCH,
@@ -90,12 +98,11 @@ from heave_env.layout import (
     RELAXATION_RATE,
     RELAXING_SHARE,
     RELAXING_STIFFNESS,
+    SHARE,
     SHEAVE_NEW,
     SHEAVE_OLD,
     SHEAVE_TENSION,
     SLACK,
-    SUPER,
-    TENSION,
     TENSION_MAX,
     TENSION_MIN,
     TRIAL_VELOCITY,
@@ -126,13 +133,13 @@ def _begin_step(S, W, n_elements):
 
 
 @stage
-def _strains(S, W, here, work, first):
-    """Old and new strain of the element below a node, and what it gains to mid-step."""
-    below = here + N_NODE_FIELDS
-    elongation = S[below + DISPLACEMENT] - S[here + DISPLACEMENT]
+def _strains(S, W, j, nodes, work, first):
+    """Old and new strain of the element below node j, and what it gains to mid-step."""
+    here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
+    elongation = S[here + N_NODE_FIELDS + DISPLACEMENT] - S[here + DISPLACEMENT]
     gained = constant(S, 0.0)
     if not first:
-        gained = (W[work + N_WORK_FIELDS + INCREMENT] - W[work + INCREMENT]) * W[PER_MID_SPACING]
+        gained = (W[element + N_WORK_FIELDS + INCREMENT] - W[element + INCREMENT]) * W[PER_MID_SPACING]
     old = elongation * W[PER_OLD_SPACING]
     # The old elongation on the cable's length at mid-step is the strain without any increment.
     return old, constant(S, 2.0) * (elongation * W[PER_MID_SPACING] + gained) - old, gained
@@ -153,8 +160,7 @@ def _constitutive_pass(S, W, nodes, work, n_elements, dt, tension_only, hookean,
     W[RELAXING_SHARE] = share
     branches = nodes + N_NODE_FIELDS * (n_elements + 1)
     for j in range(n_elements):
-        element = work + N_WORK_FIELDS * j
-        old, new, gained = _strains(S, W, nodes + N_NODE_FIELDS * j, element, first)
+        old, new, gained = _strains(S, W, j, nodes, work, first)
         if hookean:
             tension, slope = taut_tension(old, new, EA, CA, per_dt)
         else:
@@ -172,6 +178,7 @@ def _constitutive_pass(S, W, nodes, work, n_elements, dt, tension_only, hookean,
                 tension_only,
             )
         stiffness = two * slope
+        element = work + N_WORK_FIELDS * j
         W[element + ELEMENT_STIFFNESS] = stiffness * per_spacing
         W[element + ELEMENT_TENSION] = tension - stiffness * gained
 
@@ -183,7 +190,7 @@ def _relax(S, W, nodes, work, n_elements, tension_only):
     zero, share, branches = constant(S, 0.0), W[RELAXING_SHARE], nodes + N_NODE_FIELDS * (n_elements + 1)
     EA, quadratic, cubic, EA1 = S[CABLE_STIFFNESS], S[CABLE_QUADRATIC], S[CABLE_CUBIC], S[RELAXING_STIFFNESS]
     for j in range(n_elements):
-        old, new, _ = _strains(S, W, nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j, False)
+        old, new, _ = _strains(S, W, j, nodes, work, False)
         held = S[branches + j]
         _, _, middle = rope_tension(
             old, new, held, EA, quadratic, cubic, EA1, share, zero, zero, tension_only
@@ -202,21 +209,49 @@ def _linear_law(S, W, dt):
     return (S[CABLE_STIFFNESS] + damping) * W[PER_MID_SPACING], damping * W[PER_OLD_SPACING]
 
 
-@stage
-def _share_below(S, W, work, j, n_elements):
-    """Share g of the length that lies below node j, and g², from the table that `fill_work` left."""
-    table = numbers_from(W, work + N_WORK_FIELDS * (n_elements + 1))
-    return constant(S, table[2 * j]), constant(S, table[2 * j + 1])
+def _both(like, block, a, b):
+    """Two rows of a block, or numbers of a table, in the two lanes of a pair; of a batch, the first alone.
+
+    A single environment computes the two ends of its cable side by side, a batch one after the other.
+    """
+
+
+@overload(_both, jit_options={"error_model": "numpy", "forceinline": True})
+def _both_of(like, block, a, b):
+    if like.n_lanes == 1:
+        return lambda like, block, a, b: pair(block[a], block[b])
+    if block.n_lanes == 1:
+        return lambda like, block, a, b: constant(like, block[a])
+    return lambda like, block, a, b: block[a]
+
+
+def _leave(block, a, b, values):
+    """Writes what `_both` reads."""
+
+
+@overload(_leave, jit_options={"error_model": "numpy", "forceinline": True})
+def _leave_of(block, a, b, values):
+    def one(block, a, b, values):
+        block[a] = values
+
+    def two(block, a, b, values):
+        block[a] = lane(values, 0)
+        block[b] = lane(values, 1)
+
+    return two if block.n_lanes == 1 else one
 
 
 @stage
-def _node(S, W, numbers, j, nodes, work, n_elements, e_above, e_below, is_linear, first):
-    """Momentum balance of node j in the increments D: what multiplies D above and below (with the sign
-    reversed), the diagonal, and the load.
+def _balance(numbers, g, g_squared, w, velocity, e_before, e_next, law, is_linear):
+    """Momentum balance of a node in the increments D: what multiplies D before and behind it (with the sign
+    reversed), the diagonal, and the load; all divided by what is about the diagonal of a linear cable.
 
-    W̄ = β D + V + gκ Ū_y at mid-step, and DW/Dt = β (W̄ - W) + gκ ∂W̄/∂y with the compact Ū_yy. Increments,
-    not displacements: the forces that balance at rest then cancel before they are multiplied by M/dt², which
-    is what makes single precision good enough.
+    W̄ = β D + V + gκ Ū_y at mid-step, and DW/Dt = β (W̄ - W) + gκ ∂W̄/∂y with the compact Ū_yy; `w` is the
+    velocity that drag is linearised about. Increments, not displacements: the forces that balance at rest
+    then cancel before they are multiplied by M/dt², which is what makes single precision good enough.
+
+    The cable is gone through downwards. Upwards all is the same with the signs of g, of the elongations
+    `e_before` and `e_next` and of the pull in `law` reversed.
     """
     (
         inertia,
@@ -232,57 +267,171 @@ def _node(S, W, numbers, j, nodes, work, n_elements, e_above, e_below, is_linear
         k,
         k_pulling,
     ) = numbers
-    g, g_squared = _share_below(S, W, work, j, n_elements)
-    here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
-    w = S[here + VELOCITY] if first else W[element + TRIAL_VELOCITY]
     speed = absolute(w)
     gradient = g * fused(of_drag, speed, of_mass)
-    bend = e_below - e_above
+    bend = e_next - e_before
     if is_linear:
         stiff = fused(-g_squared, curving, k)
-        above, below = stiff + gradient, stiff - gradient
+        back, onward = stiff + gradient, stiff - gradient
         load = fused(fused(-g_squared, curving, k_pulling), bend, steady)
-        diagonal = fused(constant(S, 2.0), stiff, inertia)
+        diagonal = fused(constant(w, 2.0), stiff, inertia)
     else:
+        k_before, k_next, pull = law
         curvature = g_squared * curving
-        k_above = W[element - N_WORK_FIELDS + ELEMENT_STIFFNESS] - curvature
-        k_below = W[element + ELEMENT_STIFFNESS] - curvature
-        above, below = k_above + gradient, k_below - gradient
-        pull = W[element + ELEMENT_TENSION] - W[element - N_WORK_FIELDS + ELEMENT_TENSION]
+        k_before, k_next = k_before - curvature, k_next - curvature
+        back, onward = k_before + gradient, k_next - gradient
         load = fused(-curvature, bend, steady) + pull
-        diagonal = inertia + (k_above + k_below)
+        diagonal = inertia + (k_before + k_next)
     # Drag linearised about w: its slope times the velocity, less what that counts too much.
     diagonal = fused(damping_drag, speed, diagonal)
-    load = fused(speed, fused(drag, w, carried_drag), fused(momentum, S[here + VELOCITY], load))
-    load = fused(fused(g, carried, -gradient), e_above + e_below, load)
-    return above, below, diagonal, load
+    load = fused(speed, fused(drag, w, carried_drag), fused(momentum, velocity, load))
+    load = fused(fused(g, carried, -gradient), e_before + e_next, load)
+    return back, onward, diagonal, load
 
 
 @stage
-def _eliminate(W, element, back, onward, diagonal, load, share, loaded):
-    """Expresses a node's increment by the next one's, D = load + share · D_next; leaves and returns both.
+def _eliminate(chain, back, onward, diagonal, load):
+    """One node more of a chain that is eliminated from an end of the cable.
 
-    `share` and `loaded` are those of the node before, which `back` couples to.
+    With (det, passed, charge) of a chain the increment of its last node is (charge + passed · that of the
+    node beyond) / det. Nothing waits for a division: all three may grow, and be divided by whatever they are.
     """
-    pivot = constant(diagonal, 1.0) / fused(-back, share, diagonal)
-    own_share, own_load = onward * pivot, fused(back, loaded, load) * pivot
-    W[element + SUPER] = own_share
-    W[element + INCREMENT] = own_load
-    return own_share, own_load
+    det, passed, charge = chain
+    new_det = fused(diagonal, det, -(back * passed))
+    return new_det, onward * det, fused(back, charge, load * det)
 
 
 @stage
-def _forward_pass(S, W, nodes, work, n_elements, dt, is_linear, first):
+def _divided(W, work, a, b, chain, per_det):
+    """Leaves the share and the load of a chain's last node, and returns the chain divided by its `det`."""
+    _, passed, charge = chain
+    share, loaded = passed * per_det, charge * per_det
+    own, other = work + N_WORK_FIELDS * a, work + N_WORK_FIELDS * b
+    _leave(W, own + SHARE, other + SHARE, share)
+    _leave(W, own + LOADED, other + LOADED, loaded)
+    return constant(share, 1.0), share, loaded
+
+
+@stage
+def _next(S, W, table, numbers, scale, sign, a, b, away, nodes, work, U, e, chain, is_linear, first):
+    """One node more of a chain at node a, or of a pair's two chains; `away` is where the chain goes, 1 down.
+
+    Returns the displacement of the node beyond, the elongation of the element between (the chain's way), and
+    the chain.
+    """
+    U_next = _both(
+        S,
+        S,
+        nodes + N_NODE_FIELDS * (a + away) + DISPLACEMENT,
+        nodes + N_NODE_FIELDS * (b - away) + DISPLACEMENT,
+    )
+    e_next = U_next - U
+    g = sign * _both(S, table, 2 * a, 2 * b)
+    g_squared = _both(S, table, 2 * a + 1, 2 * b + 1)
+    velocity = _both(S, S, nodes + N_NODE_FIELDS * a + VELOCITY, nodes + N_NODE_FIELDS * b + VELOCITY)
+    w, law = velocity, (scale, scale, scale)
+    own, other = work + N_WORK_FIELDS * a, work + N_WORK_FIELDS * b
+    if not first:
+        w = _both(S, W, own + TRIAL_VELOCITY, other + TRIAL_VELOCITY)
+    if not is_linear:
+        # The elements before and behind: of node a, those above and below if it is gone through downwards.
+        up, down = N_WORK_FIELDS * ((1 + away) // 2), N_WORK_FIELDS * ((1 - away) // 2)
+        k_before = _both(S, W, own - up + ELEMENT_STIFFNESS, other - down + ELEMENT_STIFFNESS)
+        k_next = _both(S, W, own - down + ELEMENT_STIFFNESS, other - up + ELEMENT_STIFFNESS)
+        pull = _both(S, W, own - down + ELEMENT_TENSION, other - up + ELEMENT_TENSION)
+        pull = pull - _both(S, W, own - up + ELEMENT_TENSION, other - down + ELEMENT_TENSION)
+        law = scale * k_before, scale * k_next, scale * (sign * pull)
+    back, onward, diagonal, load = _balance(numbers, g, g_squared, w, velocity, e, e_next, law, is_linear)
+    return U_next, e_next, _eliminate(chain, back, onward, diagonal, load)
+
+
+@stage
+def _in_pairs(like, numbers):
+    """Twelve numbers, each in both lanes of a pair."""
+    a, b, c, d, e, f, g, h, i, j, k, m = numbers
+    first = constant(like, a), constant(like, b), constant(like, c), constant(like, d)
+    second = constant(like, e), constant(like, f), constant(like, g), constant(like, h)
+    third = constant(like, i), constant(like, j), constant(like, k), constant(like, m)
+    return first + second + third
+
+
+def _eliminate_pairs(
+    S, W, table, numbers, scale, nodes, work, n_elements, upper, lower, U, e, is_linear, first
+):
+    """Eliminates from both ends as long as both chains have a node left before the middle.
+
+    `U` and `e` are of the two chains: where the next node stands, and the elongation before it (each chain's
+    way). The chains are divided every eight nodes, but at each if the cable is not linear: an element's
+    stiffness may then be nothing beside that of the next. Returns both chains and the two elongations.
+    """
+
+
+@overload(_eliminate_pairs, jit_options={"error_model": "numpy", "forceinline": True})
+def _eliminate_pairs_of(
+    S, W, table, numbers, scale, nodes, work, n_elements, upper, lower, U, e, is_linear, first
+):
+    def beside(S, W, table, numbers, scale, nodes, work, n_elements, upper, lower, U, e, is_linear, first):
+        n_pairs, pattern = n_elements - (n_elements + 1) // 2, 7 if is_linear else 0
+        U, e, sign = pair(U[0], U[1]), pair(e[0], e[1]), pair(constant(S, 1.0), constant(S, -1.0))
+        numbers, scale, one = _in_pairs(U, numbers), constant(U, scale), constant(U, 1.0)
+        chain = pair(upper[0], lower[0]), pair(upper[1], lower[1]), pair(upper[2], lower[2])
+        for i in range(1, n_pairs):
+            j = n_elements - i
+            U, e, chain = _next(
+                S, W, table, numbers, scale, sign, i, j, 1, nodes, work, U, e, chain, is_linear, first
+            )
+            other = swapped(chain[0])
+            short = _divided(W, work, i, j, chain, one / (chain[0] * other) * other)
+            if i & pattern == 0:
+                chain = short
+        det, passed, charge = chain
+        upper, lower = (
+            (lane(det, 0), lane(passed, 0), lane(charge, 0)),
+            (
+                lane(det, 1),
+                lane(passed, 1),
+                lane(charge, 1),
+            ),
+        )
+        return upper, lower, (lane(U, 0), lane(U, 1)), (lane(e, 0), lane(e, 1))
+
+    def in_turn(S, W, table, numbers, scale, nodes, work, n_elements, upper, lower, U, e, is_linear, first):
+        n_pairs, pattern = n_elements - (n_elements + 1) // 2, 7 if is_linear else 0
+        one, minus_one = constant(S, 1.0), constant(S, -1.0)
+        U_above, U_below, e_above, e_below = U[0], U[1], e[0], e[1]
+        for i in range(1, n_pairs):
+            j = n_elements - i
+            U_above, e_above, upper = _next(
+                S, W, table, numbers, scale, one, i, i, 1, nodes, work, U_above, e_above, upper, is_linear,
+                first,
+            )  # fmt: skip
+            U_below, e_below, lower = _next(
+                S, W, table, numbers, scale, minus_one, j, j, -1, nodes, work, U_below, e_below, lower,
+                is_linear, first,
+            )  # fmt: skip
+            per_both = one / (upper[0] * lower[0])
+            short_upper = _divided(W, work, i, i, upper, per_both * lower[0])
+            short_lower = _divided(W, work, j, j, lower, per_both * upper[0])
+            if i & pattern == 0:
+                upper, lower = short_upper, short_lower
+        return upper, lower, (U_above, U_below), (e_above, e_below)
+
+    return beside if S.n_lanes == 1 else in_turn
+
+
+@stage
+def _forward_pass(S, W, table, nodes, work, n_elements, dt, is_linear, first):
     """Assembles the momentum balances and eliminates from both ends to the middle, whose increment it finds.
 
-    From both ends (twisted): the divisions, each of which waits for the one before, then make two chains
-    half as long.
+    Two chains side by side (twisted elimination), each half as long, share their divisions.
     """
-    h = 1.0 / n_elements
+    h, middle = 1.0 / n_elements, (n_elements + 1) // 2
     beta, V, kappa = constant(S, 2.0 / dt), W[LENGTH_SPEED], W[CONVECTION]
-    zero, half, two = constant(S, 0.0), constant(S, 0.5), constant(S, 2.0)
-    mass, drag, weight = W[NODE_MASS], W[NODE_DRAG], W[NODE_WEIGHT]
+    zero, half, one, two = constant(S, 0.0), constant(S, 0.5), constant(S, 1.0), constant(S, 2.0)
     k, damping = _linear_law(S, W, dt)
+    scale = one / fused(W[NODE_MASS], beta * beta, two * k)
+    mass, drag, weight = scale * W[NODE_MASS], scale * W[NODE_DRAG], scale * W[NODE_WEIGHT]
+    k, damping = scale * k, scale * damping
     momentum, difference = mass * beta, kappa * constant(S, 0.5 / h)
     numbers = (
         momentum * beta,
@@ -300,75 +449,93 @@ def _forward_pass(S, W, nodes, work, n_elements, dt, is_linear, first):
     )
     # The sheave's increment is given; the payload has no node below.
     top = half * (W[SHEAVE_NEW] - W[SHEAVE_OLD])
-    W[work + INCREMENT] = top
+    W[work + SHARE], W[work + LOADED] = zero, top
     bottom, last = nodes + N_NODE_FIELDS * n_elements, work + N_WORK_FIELDS * n_elements
-    U_below = S[bottom - N_NODE_FIELDS + DISPLACEMENT]
-    e_below = S[bottom + DISPLACEMENT] - U_below
-    w = S[bottom + VELOCITY] if first else W[last + TRIAL_VELOCITY]
-    payload_momentum = beta * fused(half, mass, S[PAYLOAD_INERTIA])
-    drag_slope = two * fused(half, drag, S[PAYLOAD_DRAG]) * absolute(w)
-    load = fused(half, weight, S[PAYLOAD_WEIGHT])
+    U_below, velocity = S[bottom - N_NODE_FIELDS + DISPLACEMENT], S[bottom + VELOCITY]
+    # Upwards, as the lower chain goes: minus the elongation.
+    e_below = U_below - S[bottom + DISPLACEMENT]
+    w = velocity if first else W[last + TRIAL_VELOCITY]
+    payload_momentum = beta * fused(half, mass, scale * S[PAYLOAD_INERTIA])
+    drag_slope = two * fused(half, drag, scale * S[PAYLOAD_DRAG]) * absolute(w)
+    load = fused(half, weight, scale * S[PAYLOAD_WEIGHT])
     if is_linear:
         k_last = k
-        load = fused(damping - k, e_below, load)
+        load = fused(k - damping, e_below, load)
     else:
-        k_last = W[last - N_WORK_FIELDS + ELEMENT_STIFFNESS]
-        load = load - W[last - N_WORK_FIELDS + ELEMENT_TENSION]
-    load = fused(payload_momentum, S[bottom + VELOCITY] - V, load)
+        k_last = scale * W[last - N_WORK_FIELDS + ELEMENT_STIFFNESS]
+        load = load - scale * W[last - N_WORK_FIELDS + ELEMENT_TENSION]
+    load = fused(payload_momentum, velocity - V, load)
     load = fused(drag_slope, fused(half, w, -V), load)
     diagonal = fused(beta, payload_momentum + drag_slope, k_last)
+    at_middle = work + N_WORK_FIELDS * middle + INCREMENT
     if n_elements == 1:
-        W[last + INCREMENT] = fused(k_last, top, load) / diagonal
+        W[at_middle] = fused(k_last, top, load) / diagonal
         return
-    share_below, load_below = _eliminate(W, last, zero, k_last, diagonal, load, zero, zero)
-    share_above, load_above = zero, top
+    upper, lower = (one, zero, top), (diagonal, k_last, load)
+    per_det = one / diagonal
+    W[last + SHARE], W[last + LOADED] = k_last * per_det, load * per_det
     U_above = S[nodes + N_NODE_FIELDS + DISPLACEMENT]
     e_above = U_above - S[nodes + DISPLACEMENT]
-    middle = (n_elements + 1) // 2
-    for i in range(1, middle):
-        U = U_above
-        U_above = S[nodes + N_NODE_FIELDS * (i + 1) + DISPLACEMENT]
-        e = U_above - U
-        above, below, diagonal, load = _node(
-            S, W, numbers, i, nodes, work, n_elements, e_above, e, is_linear, first
-        )
-        share_above, load_above = _eliminate(
-            W, work + N_WORK_FIELDS * i, above, below, diagonal, load, share_above, load_above
-        )
-        e_above = e
-        j = n_elements - i
-        if j > middle:
-            U = U_below
-            U_below = S[nodes + N_NODE_FIELDS * (j - 1) + DISPLACEMENT]
-            e = U - U_below
-            above, below, diagonal, load = _node(
-                S, W, numbers, j, nodes, work, n_elements, e, e_below, is_linear, first
-            )
-            share_below, load_below = _eliminate(
-                W, work + N_WORK_FIELDS * j, below, above, diagonal, load, share_below, load_below
-            )
-            e_below = e
-    above, below, diagonal, load = _node(
-        S, W, numbers, middle, nodes, work, n_elements, e_above, e_below, is_linear, first
+    upper, lower, U, e = _eliminate_pairs(
+        S,
+        W,
+        table,
+        numbers,
+        scale,
+        nodes,
+        work,
+        n_elements,
+        upper,
+        lower,
+        (U_above, U_below),
+        (e_above, e_below),
+        is_linear,
+        first,
     )
-    load = fused(below, load_below, fused(above, load_above, load))
-    diagonal = fused(-below, share_below, fused(-above, share_above, diagonal))
-    W[work + N_WORK_FIELDS * middle + INCREMENT] = load / diagonal
+    U_above, e_above = U[0], e[0]
+    # The middle, and before it what is left of the upper chain if the elements are odd in number.
+    n_left = 2 * middle - n_elements
+    for j in range(middle - n_left, middle + 1):
+        here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
+        g, g_squared = constant(S, table[2 * j]), constant(S, table[2 * j + 1])
+        velocity = S[here + VELOCITY]
+        w, law = velocity, (scale, scale, scale)
+        if not first:
+            w = W[element + TRIAL_VELOCITY]
+        if not is_linear:
+            pull = W[element + ELEMENT_TENSION] - W[element - N_WORK_FIELDS + ELEMENT_TENSION]
+            k_above = scale * W[element - N_WORK_FIELDS + ELEMENT_STIFFNESS]
+            law = k_above, scale * W[element + ELEMENT_STIFFNESS], scale * pull
+        e_next = S[here + N_NODE_FIELDS + DISPLACEMENT] - S[here + DISPLACEMENT]
+        above, below, diagonal, load = _balance(
+            numbers, g, g_squared, w, velocity, e_above, e_next, law, is_linear
+        )
+        if j < middle:
+            upper = _eliminate(upper, above, below, diagonal, load)
+            per_det, passed, charge = one / upper[0], upper[1], upper[2]
+            upper = one, passed * per_det, charge * per_det
+            W[element + SHARE], W[element + LOADED] = upper[1], upper[2]
+            e_above = e_next
+        else:
+            above, below, both = above * lower[0], below * upper[0], upper[0] * lower[0]
+            load = fused(below, lower[2], fused(above, upper[2], load * both))
+            diagonal = fused(-below, lower[1], fused(-above, upper[1], diagonal * both))
+            W[at_middle] = load / diagonal
 
 
 @stage
 def _backward_pass(W, work, n_elements):
-    """Substitutes from the middle outwards for the increments to mid-step."""
+    """Substitutes from the middle outwards for the increments to mid-step, and leaves them all."""
     middle = (n_elements + 1) // 2
     below = above = W[work + N_WORK_FIELDS * middle + INCREMENT]
-    for i in range(1, n_elements - middle + 1):
-        element = work + N_WORK_FIELDS * (middle + i)
-        below = fused(W[element + SUPER], below, W[element + INCREMENT])
+    for j in range(middle + 1, n_elements + 1):
+        element = work + N_WORK_FIELDS * j
+        below = fused(W[element + SHARE], below, W[element + LOADED])
         W[element + INCREMENT] = below
-        if i < middle:
-            element = work + N_WORK_FIELDS * (middle - i)
-            above = fused(W[element + SUPER], above, W[element + INCREMENT])
-            W[element + INCREMENT] = above
+    for j in range(middle - 1, -1, -1):
+        element = work + N_WORK_FIELDS * j
+        above = fused(W[element + SHARE], above, W[element + LOADED])
+        W[element + INCREMENT] = above
 
 
 @stage
@@ -385,36 +552,42 @@ def _velocity_numbers(S, W, n_elements, dt):
 
 
 @stage
-def _trial_velocities(S, W, nodes, work, n_elements, dt):
+def _trial_velocities(S, W, table, nodes, work, n_elements, dt):
     """The velocities at mid-step that go with the increments, for the next iteration."""
     half, numbers = constant(S, 0.5), _velocity_numbers(S, W, n_elements, dt)
     for j in range(1, n_elements):
         here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
         gained = W[element + N_WORK_FIELDS + INCREMENT] - W[element - N_WORK_FIELDS + INCREMENT]
         old = S[here + N_NODE_FIELDS + DISPLACEMENT] - S[here - N_NODE_FIELDS + DISPLACEMENT]
-        g, _ = _share_below(S, W, work, j, n_elements)
+        g = constant(S, table[2 * j])
         W[element + TRIAL_VELOCITY] = half * _middle_velocity(
             numbers, g, W[element + INCREMENT], old + gained
         )
-    last = work + N_WORK_FIELDS * n_elements
-    zero = constant(S, 0.0)
+    last, zero = work + N_WORK_FIELDS * n_elements, constant(S, 0.0)
     W[last + TRIAL_VELOCITY] = half * _middle_velocity(numbers, zero, W[last + INCREMENT], zero)
 
 
 @stage
-def _element_tension(S, W, nodes, work, j, law, tension_only, is_linear):
-    """Mean tension of the element below node j over the step that `cable_solve` found."""
-    here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
-    gained = W[element + N_WORK_FIELDS + INCREMENT] - W[element + INCREMENT]
+def _element_tension(W, element, elongation, middle, gained, damped, tension_only, is_linear):
+    """Mean tension over the step of the element at a row of W, over its stiffness if the cable is linear.
+
+    Of its elongations before the step and at mid-step, and of what it gains; `damped` is damping over
+    stiffness.
+    """
     if is_linear:
-        k, damping = law
-        elongation = S[here + N_NODE_FIELDS + DISPLACEMENT] - S[here + DISPLACEMENT]
-        tension = fused(k, elongation + gained, -(damping * elongation))
-    else:
-        tension = fused(W[element + ELEMENT_STIFFNESS], gained, W[element + ELEMENT_TENSION])
-        if tension_only:
-            tension = maximum(tension, constant(S, 0.0))
-    return tension
+        return fused(-damped, elongation, middle)
+    tension = fused(W[element + ELEMENT_STIFFNESS], gained, W[element + ELEMENT_TENSION])
+    return maximum(tension, constant(W, 0.0)) if tension_only else tension
+
+
+@stage
+def _unit_and_damping(S, W, dt, is_linear):
+    """What `_element_tension` is in units of, and its `damped`."""
+    unit, damped = constant(S, 1.0), constant(S, 0.0)
+    if is_linear:
+        unit, damping = _linear_law(S, W, dt)
+        damped = damping / unit
+    return unit, damped
 
 
 @stage
@@ -427,10 +600,20 @@ def _end_tension(S, nearest, second, tension_only):
 @stage
 def solved_sheave_tension(S, W, nodes, work, n_elements, dt, tension_only, hookean):
     """Tension at the sheave over the step that `cable_solve` found."""
-    law, is_linear = _linear_law(S, W, dt), hookean and not tension_only
-    nearest = _element_tension(S, W, nodes, work, 0, law, tension_only, is_linear)
-    second = _element_tension(S, W, nodes, work, min(1, n_elements - 1), law, tension_only, is_linear)
-    return _end_tension(S, nearest, second, tension_only)
+    is_linear = hookean and not tension_only
+    unit, damped = _unit_and_damping(S, W, dt, is_linear)
+    nearest = second = constant(S, 0.0)
+    for j in range(min(1, n_elements - 1), -1, -1):
+        here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
+        elongation = S[here + N_NODE_FIELDS + DISPLACEMENT] - S[here + DISPLACEMENT]
+        gained = W[element + N_WORK_FIELDS + INCREMENT] - W[element + INCREMENT]
+        second = nearest
+        nearest = _element_tension(
+            W, element, elongation, elongation + gained, gained, damped, tension_only, is_linear
+        )
+    if n_elements == 1:
+        second = nearest
+    return _end_tension(S, unit * nearest, unit * second, tension_only)
 
 
 @stage
@@ -451,84 +634,296 @@ def _show_tensions(S, top, end, least, most):
 
 
 @stage
+def tension_rows(nodes, n_elements, hookean):
+    """The row of the first element's tension, where they are kept."""
+    return nodes + N_NODE_FIELDS * (n_elements + 1) + (0 if hookean else n_elements)
+
+
+@stage
+def _one_on(
+    S, W, table, numbers, sign, a, b, away, nodes, work, moving, found, damped, unit, kept, tension_only,
+    is_linear, keeps_tensions,
+):  # fmt: skip
+    """The element between node a and the next one away from the middle (`away`: 1 down, -1 up), after which
+    node a has moved on by twice its increment to mid-step; of a pair also node b's, the other way.
+
+    `moving` is the node's displacement and increment and the mid-step elongation of the element behind (its
+    own way: `sign` is 1 down), `found` the last tension and the extremes until now. Returns both of the next
+    node, and the tension that was the last.
+    """
+    U, D, e = moving
+    tension, least, most = found
+    own, other = work + N_WORK_FIELDS * (a + away), work + N_WORK_FIELDS * (b - away)
+    U_next = _both(
+        S,
+        S,
+        nodes + N_NODE_FIELDS * (a + away) + DISPLACEMENT,
+        nodes + N_NODE_FIELDS * (b - away) + DISPLACEMENT,
+    )
+    D_next = fused(_both(S, W, own + SHARE, other + SHARE), D, _both(S, W, own + LOADED, other + LOADED))
+    elongation, gained = U_next - U, D_next - D
+    stretched = elongation + gained
+    if is_linear:
+        new = sign * fused(-damped, elongation, stretched)
+    else:
+        # Of an element's two nodes the upper one has its tension and stiffness.
+        own -= N_WORK_FIELDS * ((1 + away) // 2)
+        other -= N_WORK_FIELDS * ((1 - away) // 2)
+        stiffness = _both(S, W, own + ELEMENT_STIFFNESS, other + ELEMENT_STIFFNESS)
+        new = fused(stiffness, sign * gained, _both(S, W, own + ELEMENT_TENSION, other + ELEMENT_TENSION))
+        if tension_only:
+            new = maximum(new, constant(new, 0.0))
+    here, there = nodes + N_NODE_FIELDS * a, nodes + N_NODE_FIELDS * b
+    g, old = sign * _both(S, table, 2 * a, 2 * b), _both(S, S, here + VELOCITY, there + VELOCITY)
+    _leave(S, here + VELOCITY, there + VELOCITY, _middle_velocity(numbers, g, D, e + stretched) - old)
+    _leave(S, here + DISPLACEMENT, there + DISPLACEMENT, fused(constant(D, 2.0), D, U))
+    if keeps_tensions:
+        _leave(S, kept + a - (1 - away) // 2, kept + b - (1 + away) // 2, unit * new)
+    return (U_next, D_next, stretched), (new, minimum(new, least), maximum(new, most)), tension
+
+
+def _move_pairs(
+    S, W, table, numbers, nodes, work, n_elements, upper, lower, of_upper, of_lower, damped, unit, kept,
+    tension_only, is_linear, keeps_tensions,
+):  # fmt: skip
+    """Goes on from both sides of the middle as long as both have a node, and moves the nodes.
+
+    `upper` and `lower` are displacement and increment of the next node and the elongation before it (each
+    side's way), `of_upper` and `of_lower` the last tension and the extremes. Returns all of them, and the two
+    tensions before the last.
+    """
+
+
+@overload(_move_pairs, jit_options={"error_model": "numpy", "forceinline": True})
+def _move_pairs_of(
+    S, W, table, numbers, nodes, work, n_elements, upper, lower, of_upper, of_lower, damped, unit, kept,
+    tension_only, is_linear, keeps_tensions,
+):  # fmt: skip
+    def beside(
+        S, W, table, numbers, nodes, work, n_elements, upper, lower, of_upper, of_lower, damped, unit, kept,
+        tension_only, is_linear, keeps_tensions,
+    ):  # fmt: skip
+        middle = (n_elements + 1) // 2
+        sign = pair(constant(S, -1.0), constant(S, 1.0))
+        moving = pair(upper[0], lower[0]), pair(upper[1], lower[1]), pair(upper[2], lower[2])
+        found = (
+            pair(of_upper[0], of_lower[0]),
+            pair(of_upper[1], of_lower[1]),
+            pair(of_upper[2], of_lower[2]),
+        )
+        numbers = constant(sign, numbers[0]), constant(sign, numbers[1]), constant(sign, numbers[2])
+        damped, unit = constant(sign, damped), constant(sign, unit)
+        before = swapped(found[0])
+        for i in range(1, n_elements - middle):
+            moving, found, before = _one_on(
+                S, W, table, numbers, sign, middle - i, middle + i, -1, nodes, work, moving, found, damped,
+                unit, kept, tension_only, is_linear, keeps_tensions,
+            )  # fmt: skip
+        U, D, e = moving
+        tension, least, most = found
+        upper, lower = (lane(U, 0), lane(D, 0), lane(e, 0)), (lane(U, 1), lane(D, 1), lane(e, 1))
+        of_upper = lane(tension, 0), lane(least, 0), lane(most, 0)
+        of_lower = lane(tension, 1), lane(least, 1), lane(most, 1)
+        return upper, lower, of_upper, of_lower, lane(before, 0), lane(before, 1)
+
+    def in_turn(
+        S, W, table, numbers, nodes, work, n_elements, upper, lower, of_upper, of_lower, damped, unit, kept,
+        tension_only, is_linear, keeps_tensions,
+    ):  # fmt: skip
+        middle, one, minus_one = (n_elements + 1) // 2, constant(S, 1.0), constant(S, -1.0)
+        before_upper, before_lower = of_lower[0], of_upper[0]
+        for i in range(1, n_elements - middle):
+            upper, of_upper, before_upper = _one_on(
+                S, W, table, numbers, minus_one, middle - i, middle - i, -1, nodes, work, upper, of_upper,
+                damped, unit, kept, tension_only, is_linear, keeps_tensions,
+            )  # fmt: skip
+            lower, of_lower, before_lower = _one_on(
+                S, W, table, numbers, one, middle + i, middle + i, 1, nodes, work, lower, of_lower,
+                damped, unit, kept, tension_only, is_linear, keeps_tensions,
+            )  # fmt: skip
+        return upper, lower, of_upper, of_lower, before_upper, before_lower
+
+    return beside if S.n_lanes == 1 else in_turn
+
+
+@stage
+def _move_alone(S, table, numbers, j, nodes, U, D, elongations):
+    """Moves one node between sheave and payload on by twice its increment to mid-step."""
+    here, g = nodes + N_NODE_FIELDS * j, constant(S, table[2 * j])
+    S[here + VELOCITY] = _middle_velocity(numbers, g, D, elongations) - S[here + VELOCITY]
+    S[here + DISPLACEMENT] = fused(constant(S, 2.0), D, U)
+
+
+@stage
+def _first_on(S, W, away, j, nodes, work, U, D, damped, tension_only, is_linear):
+    """`_one_on` of one node alone, which stays: displacement, increment and elongation, and the tension."""
+    here = work + N_WORK_FIELDS * (j + away)
+    U_next = S[nodes + N_NODE_FIELDS * (j + away) + DISPLACEMENT]
+    D_next = fused(W[here + SHARE], D, W[here + LOADED])
+    elongation, gained, sign = U_next - U, D_next - D, constant(S, away)
+    stretched = elongation + gained
+    tension = _element_tension(
+        W,
+        here - N_WORK_FIELDS * ((1 + away) // 2),
+        sign * elongation,
+        sign * stretched,
+        sign * gained,
+        damped,
+        tension_only,
+        is_linear,
+    )
+    return (U_next, D_next, stretched), tension
+
+
+@stage
+def _move(S, W, table, nodes, work, n_elements, dt, tension_only, hookean, is_linear, keeps_tensions):
+    """`cable_move` of some lanes: substitutes from the middle outwards and moves what is done with."""
+    if not hookean:
+        _relax(S, W, nodes, work, n_elements, tension_only)
+    numbers = _velocity_numbers(S, W, n_elements, dt)
+    middle, kept = (n_elements + 1) // 2, tension_rows(nodes, n_elements, hookean)
+    unit, damped = _unit_and_damping(S, W, dt, is_linear)
+    # In elongations, if the cable is linear, the tensions are compared.
+    U = S[nodes + N_NODE_FIELDS * middle + DISPLACEMENT]
+    D = W[work + N_WORK_FIELDS * middle + INCREMENT]
+    upper, tension = _first_on(S, W, -1, middle, nodes, work, U, D, damped, tension_only, is_linear)
+    lower, of_upper = (U, D, U), (tension, tension, tension)
+    of_lower, before_upper, before_lower = of_upper, tension, tension
+    if keeps_tensions:
+        S[kept + middle - 1] = unit * tension
+    if n_elements > 1:
+        lower, tension = _first_on(S, W, 1, middle, nodes, work, U, D, damped, tension_only, is_linear)
+        of_lower = tension, tension, tension
+        if keeps_tensions:
+            S[kept + middle] = unit * tension
+        _move_alone(S, table, numbers, middle, nodes, U, D, lower[2] - upper[2])
+        upper, lower, of_upper, of_lower, before_upper, before_lower = _move_pairs(
+            S, W, table, numbers, nodes, work, n_elements, upper, lower, of_upper, of_lower, damped, unit,
+            kept, tension_only, is_linear, keeps_tensions,
+        )  # fmt: skip
+        if 2 * middle > n_elements:
+            U, D, e = upper
+            before_upper, least, most = of_upper
+            upper, tension = _first_on(S, W, -1, 1, nodes, work, U, D, damped, tension_only, is_linear)
+            of_upper = tension, minimum(tension, least), maximum(tension, most)
+            _move_alone(S, table, numbers, 1, nodes, U, D, -(e + upper[2]))
+            if keeps_tensions:
+                S[kept] = unit * tension
+    S[nodes + DISPLACEMENT] = W[SHEAVE_NEW]
+    U, D, _ = lower
+    zero, bottom = constant(S, 0.0), nodes + N_NODE_FIELDS * n_elements
+    S[bottom + VELOCITY] = _middle_velocity(numbers, zero, D, zero) - S[bottom + VELOCITY]
+    S[bottom + DISPLACEMENT] = fused(constant(S, 2.0), D, U)
+    top = _end_tension(S, unit * of_upper[0], unit * before_upper, tension_only)
+    end = _end_tension(S, unit * of_lower[0], unit * before_lower, tension_only)
+    least, most = minimum(of_upper[1], of_lower[1]), maximum(of_upper[2], of_lower[2])
+    least, most = minimum(unit * least, S[TENSION_MIN]), maximum(unit * most, S[TENSION_MAX])
+    _show_tensions(S, top, end, least, most)
+
+
+@seldom
+def _solve(S, W, table, nodes, work, n_elements, n_iterations, dt, tension_only, hookean, leaves_increments):
+    """`cable_solve` of some lanes."""
+    align_stack()
+    _begin_step(S, W, n_elements)
+    for iteration in range(n_iterations):
+        first = iteration == 0
+        if tension_only or not hookean:
+            _constitutive_pass(S, W, nodes, work, n_elements, dt, tension_only, hookean, first)
+        _forward_pass(S, W, table, nodes, work, n_elements, dt, hookean and not tension_only, first)
+        if iteration + 1 < n_iterations or leaves_increments:
+            _backward_pass(W, work, n_elements)
+        if iteration + 1 < n_iterations:
+            _trial_velocities(S, W, table, nodes, work, n_elements, dt)
+
+
+@seldom
+def _solve_linear(S, W, table, nodes, work, n_elements, dt):
+    """`_solve` of the usual case, compiled without questions: a linear cable, one iteration."""
+    align_stack()
+    _begin_step(S, W, n_elements)
+    _forward_pass(S, W, table, nodes, work, n_elements, dt, True, True)
+
+
+@seldom
+def _move_linear(S, W, table, nodes, work, n_elements, dt):
+    """`_move` of the usual case: a linear cable, tensions not kept."""
+    align_stack()
+    _move(S, W, table, nodes, work, n_elements, dt, False, True, True, False)
+
+
+@seldom
+def _move_any(S, W, table, nodes, work, n_elements, dt, tension_only, hookean, keeps_tensions):
+    """`_move` of every other case."""
+    align_stack()
+    linear = hookean and not tension_only
+    _move(S, W, table, nodes, work, n_elements, dt, tension_only, hookean, linear, keeps_tensions)
+
+
+@stage
+def _table(W, work, n_elements):
+    """Share g of the length that lies below each node, and g²: what `fill_work` left."""
+    return numbers_from(W, work + N_WORK_FIELDS * (n_elements + 1))
+
+
+def _at_once(S):
+    """Lanes computed together, so that what all nodes share finds room in the registers; a constant."""
+
+
+@overload(_at_once, jit_options={"error_model": "numpy", "forceinline": True})
+def _at_once_of(S):
+    width = min(S.n_lanes, ALIGNMENT // (S.dtype.bitwidth // 8))
+    return lambda S: width
+
+
+def _part(S, begin):
+    """The lanes of a block from `begin` on that are computed together."""
+
+
+@overload(_part, jit_options={"error_model": "numpy", "forceinline": True})
+def _part_of(S, begin):
+    width = min(S.n_lanes, ALIGNMENT // (S.dtype.bitwidth // 8))
+    if width == S.n_lanes:
+        return lambda S, begin: S
+    return lambda S, begin: lanes_of(S, begin, width)
+
+
+@stage
+def cable_solve(S, W, nodes, work, n_elements, n_iterations, dt, tension_only, hookean, leaves_increments):
+    """Finds what every node gains in one solver step; nothing has moved yet.
+
+    Reads the sheave's displacement and the length at both ends of the step (`SHEAVE_OLD`, `SHEAVE_NEW`,
+    `LENGTH_OLD`, `LENGTH`). The nodes stand from row `nodes` of S on; the rows of W from `work` on, with the
+    table of `fill_work`, help. What the nodes gain is left in `INCREMENT` only if that is asked for, or the
+    cable is a rope beyond Hooke's law: `cable_move` finds it on its way.
+    """
+    table, leaves = _table(W, work, n_elements), leaves_increments or not hookean
+    is_usual = hookean and not tension_only and n_iterations == 1 and not leaves
+    for begin in range(0, n_lanes_of(S), _at_once(S)):
+        own, scratch = _part(S, begin), _part(W, begin)
+        if is_usual:
+            _solve_linear(own, scratch, table, nodes, work, n_elements, dt)
+        else:
+            _solve(
+                own, scratch, table, nodes, work, n_elements, n_iterations, dt, tension_only, hookean, leaves
+            )
+
+
+@stage
 def cable_move(S, W, nodes, work, n_elements, dt, tension_only, hookean, keeps_tensions):
     """Moves the nodes on by twice their increments to mid-step and reads the tensions off.
 
     These are means over the solver step, the very tensions that moved the nodes. Element by element they are
-    left in the nodes only if that is asked for: a batch would carry them through its memory for nothing.
+    left behind the nodes only if that is asked for: a batch would carry them through its memory for nothing.
     """
-    if not hookean:
-        _relax(S, W, nodes, work, n_elements, tension_only)
-    is_linear, numbers = hookean and not tension_only, _velocity_numbers(S, W, n_elements, dt)
-    zero, two, k = constant(S, 0.0), constant(S, 2.0), constant(S, 1.0)
-    last, second = n_elements - 1, min(1, n_elements - 1)
-    law = _linear_law(S, W, dt)
-    of_first = _element_tension(S, W, nodes, work, 0, law, tension_only, is_linear)
-    of_second = _element_tension(S, W, nodes, work, second, law, tension_only, is_linear)
-    of_last = _element_tension(S, W, nodes, work, last, law, tension_only, is_linear)
-    of_last_but_one = _element_tension(S, W, nodes, work, last - second, law, tension_only, is_linear)
-    top = _end_tension(S, of_first, of_second, tension_only)
-    end = _end_tension(S, of_last, of_last_but_one, tension_only)
-    # The extremes of a linear cable are looked for in its elongations, tension over stiffness.
-    damped = zero
-    if is_linear:
-        k = law[0]
-        damped = law[1] / k
-    least, most = constant(S, np.inf), constant(S, -np.inf)
-    U, increment, stretched = S[nodes + DISPLACEMENT], W[work + INCREMENT], zero
-    S[nodes + DISPLACEMENT] = W[SHEAVE_NEW]
-    for j in range(n_elements):
-        here, element = nodes + N_NODE_FIELDS * j, work + N_WORK_FIELDS * j
-        U_below = S[here + N_NODE_FIELDS + DISPLACEMENT]
-        increment_below = W[element + N_WORK_FIELDS + INCREMENT]
-        elongation, gained = U_below - U, increment_below - increment
-        middle = elongation + gained
-        if j > 0:
-            g, _ = _share_below(S, W, work, j, n_elements)
-            velocity = _middle_velocity(numbers, g, increment, stretched + middle)
-            S[here + VELOCITY] = velocity - S[here + VELOCITY]
-            S[here + DISPLACEMENT] = fused(two, increment, U)
-        if is_linear:
-            tension = fused(-damped, elongation, middle)
+    table = _table(W, work, n_elements)
+    is_usual = hookean and not tension_only and not keeps_tensions
+    for begin in range(0, n_lanes_of(S), _at_once(S)):
+        own, scratch = _part(S, begin), _part(W, begin)
+        if is_usual:
+            _move_linear(own, scratch, table, nodes, work, n_elements, dt)
         else:
-            tension = fused(W[element + ELEMENT_STIFFNESS], gained, W[element + ELEMENT_TENSION])
-            if tension_only:
-                tension = maximum(tension, zero)
-        if keeps_tensions:
-            S[here + TENSION] = k * tension
-        least, most = minimum(tension, least), maximum(tension, most)
-        U, increment, stretched = U_below, increment_below, middle
-    bottom = nodes + N_NODE_FIELDS * n_elements
-    S[bottom + VELOCITY] = _middle_velocity(numbers, zero, increment, zero) - S[bottom + VELOCITY]
-    S[bottom + DISPLACEMENT] = fused(two, increment, U)
-    least, most = minimum(k * least, S[TENSION_MIN]), maximum(k * most, S[TENSION_MAX])
-    _show_tensions(S, top, end, least, most)
-
-
-@stage
-def _iterate(S, W, nodes, work, n_elements, dt, tension_only, hookean, first):
-    """One iteration for what every node gains to mid-step."""
-    is_linear = hookean and not tension_only
-    if not is_linear:
-        _constitutive_pass(S, W, nodes, work, n_elements, dt, tension_only, hookean, first)
-    _forward_pass(S, W, nodes, work, n_elements, dt, is_linear, first)
-    _backward_pass(W, work, n_elements)
-
-
-@seldom
-def cable_solve(S, W, nodes, work, n_elements, n_iterations, dt, tension_only, hookean):
-    """Finds what every node gains in one solver step and leaves it in `INCREMENT`; nothing has moved yet.
-
-    Reads the sheave's displacement and the length at both ends of the step (`SHEAVE_OLD`, `SHEAVE_NEW`,
-    `LENGTH_OLD`, `LENGTH`). The nodes stand from row `nodes` of S on; the rows of W from `work` on, with the
-    table of `fill_work`, help.
-    """
-    align_stack()
-    _begin_step(S, W, n_elements)
-    for iteration in range(n_iterations):
-        _iterate(S, W, nodes, work, n_elements, dt, tension_only, hookean, iteration == 0)
-        if iteration + 1 < n_iterations:
-            _trial_velocities(S, W, nodes, work, n_elements, dt)
+            _move_any(own, scratch, table, nodes, work, n_elements, dt, tension_only, hookean, keeps_tensions)
 
 
 @stage
@@ -539,13 +934,17 @@ def _settled_step(S, W, nodes, work, n_elements, n_iterations, dt, tension_only,
     for a linear cable, whose iterations are counted, not watched.
     """
     _begin_step(S, W, n_elements)
-    change = 0.0
+    change, table = 0.0, _table(W, work, n_elements)
     for j in range(n_elements + 1):
         trial[j] = S[nodes + N_NODE_FIELDS * j + VELOCITY]
     watched = tension_only or not hookean
     for iteration in range(max(n_iterations, _MOST_ITERATIONS) if watched else n_iterations):
-        _iterate(S, W, nodes, work, n_elements, dt, tension_only, hookean, iteration == 0)
-        _trial_velocities(S, W, nodes, work, n_elements, dt)
+        first = iteration == 0
+        if tension_only or not hookean:
+            _constitutive_pass(S, W, nodes, work, n_elements, dt, tension_only, hookean, first)
+        _forward_pass(S, W, table, nodes, work, n_elements, dt, hookean and not tension_only, first)
+        _backward_pass(W, work, n_elements)
+        _trial_velocities(S, W, table, nodes, work, n_elements, dt)
         if watched:
             change, fastest = 0.0, 1.0
             for j in range(1, n_elements + 1):
@@ -556,7 +955,8 @@ def _settled_step(S, W, nodes, work, n_elements, n_iterations, dt, tension_only,
             change /= fastest
             if iteration + 1 >= n_iterations and change <= _SETTLED:
                 break
-    cable_move(S, W, nodes, work, n_elements, dt, tension_only, hookean, True)
+    is_linear = hookean and not tension_only
+    _move(S, W, table, nodes, work, n_elements, dt, tension_only, hookean, is_linear, True)
     return change
 
 
@@ -582,18 +982,18 @@ def hanging_stretch(S, n_elements, length):
 
 
 @stage
-def hang_still(S, nodes, n_elements, sheave, hookean):
+def hang_still(S, nodes, n_elements, sheave, hookean, keeps_tensions):
     """Puts one lane at rest in static equilibrium below a sheave displaced by `sheave`, positive down."""
     h, half, zero = constant(S, 1.0 / n_elements), constant(S, 0.5), constant(S, 0.0)
     L, EA = S[LENGTH], S[CABLE_STIFFNESS]
-    displacement = sheave
+    displacement, kept = sheave, tension_rows(nodes, n_elements, hookean)
     for j in range(n_elements + 1):
-        here = nodes + N_NODE_FIELDS * j
-        S[here + DISPLACEMENT] = displacement
-        S[here + VELOCITY] = zero
+        S[nodes + N_NODE_FIELDS * j + DISPLACEMENT] = displacement
+        S[nodes + N_NODE_FIELDS * j + VELOCITY] = zero
         from_payload = constant(S, n_elements - j) - half
         tension = S[PAYLOAD_WEIGHT] + S[CABLE_WEIGHT] * L * h * from_payload
-        S[here + TENSION] = tension
+        if keeps_tensions and j < n_elements:
+            S[kept + j] = tension
         if hookean:
             displacement += tension * L * h / EA
         else:
@@ -604,9 +1004,10 @@ def hang_still(S, nodes, n_elements, sheave, hookean):
             S[behind + j] = zero
 
 
-def n_cable_rows(n_elements: int, *, hookean: bool) -> int:
-    """Rows that nodes (and the Maxwell branches of a rope beyond Hooke's law) take in a state buffer [-]."""
-    return N_NODE_FIELDS * (n_elements + 1) + (0 if hookean else n_elements)
+def n_cable_rows(n_elements: int, *, hookean: bool, keeps_tensions: bool) -> int:
+    """Rows that nodes, the Maxwell branches of a rope beyond Hooke's law and tensions that are kept take in a
+    state buffer [-]."""
+    return N_NODE_FIELDS * (n_elements + 1) + n_elements * (int(not hookean) + int(keeps_tensions))
 
 
 def n_work_rows(n_elements: int) -> int:
@@ -669,7 +1070,7 @@ def _make_march(fingerprint: int):
             return -1, 0.0
         S, W = block_at(state.ctypes.data, 0, 1, 0), block_at(scratch.ctypes.data, 0, 1, 0)
         nodes, work = N_FIXED, N_SCRATCH
-        bottom = nodes + N_NODE_FIELDS * n_elements
+        bottom, kept = nodes + N_NODE_FIELDS * n_elements, tension_rows(nodes, n_elements, hookean)
         trial = np.empty(n_elements + 1)
         before = np.empty(state.shape)
         for k in range(len(sheave)):
@@ -709,12 +1110,11 @@ def _make_march(fingerprint: int):
             else:
                 least, most = np.inf, -np.inf
                 for j in range(n_elements):
-                    tension = S[nodes + N_NODE_FIELDS * j + TENSION]
+                    tension = S[kept + j]
                     least, most = min(least, tension), max(most, tension)
                 last, second = n_elements - 1, min(1, n_elements - 1)
-                of_first, of_second = S[nodes + TENSION], S[nodes + N_NODE_FIELDS * second + TENSION]
-                of_last = S[nodes + N_NODE_FIELDS * last + TENSION]
-                of_last_but_one = S[nodes + N_NODE_FIELDS * (last - second) + TENSION]
+                of_first, of_second = S[kept], S[kept + second]
+                of_last, of_last_but_one = S[kept + last], S[kept + last - second]
                 top = _end_tension(S, of_first, of_second, tension_only)
                 end = _end_tension(S, of_last, of_last_but_one, tension_only)
                 _show_tensions(S, top, end, least, most)
@@ -725,7 +1125,7 @@ def _make_march(fingerprint: int):
             out[k, 4] = S[TENSION_MIN]
             out[k, 5] = S[TENSION_MAX]
             for j in range(n_elements):
-                tension = S[nodes + N_NODE_FIELDS * j + TENSION]
+                tension = S[kept + j]
                 envelope[0, j] = min(envelope[0, j], tension)
                 envelope[1, j] = max(envelope[1, j], tension)
             if not np.isfinite(out[k, 1]):
@@ -736,7 +1136,7 @@ def _make_march(fingerprint: int):
     def hang(state, n_elements, sheave, hookean):
         """Hangs the cable still below the sheave."""
         if fingerprint != 0:
-            hang_still(block_at(state.ctypes.data, 0, 1, 0), N_FIXED, n_elements, sheave, hookean)
+            hang_still(block_at(state.ctypes.data, 0, 1, 0), N_FIXED, n_elements, sheave, hookean, True)
 
     return march, hang
 
@@ -850,7 +1250,8 @@ class AxialSolver:
 
     def rest(self, sheave_heave: float = 0.0, length: float | None = None) -> AxialState:
         """Hanging still below a sheave at `sheave_heave` [m, positive up]."""
-        S = np.zeros((N_FIXED + n_cable_rows(self.n_elements, hookean=self.cable.is_hookean), 1))
+        n_rows = n_cable_rows(self.n_elements, hookean=self.cable.is_hookean, keeps_tensions=True)
+        S = np.zeros((N_FIXED + n_rows, 1))
         fill_parameters(S, self.cable, self.payload)
         L = self.length if length is None else length
         S[LENGTH] = L
@@ -890,17 +1291,18 @@ class AxialSolver:
         """
         S = state.buffer.copy()
         ends = self._tensions(S, state)[0]
-        nodes = S[N_FIXED : self._bottom + N_NODE_FIELDS, 0]
-        nodes = nodes.reshape(self.n_elements + 1, N_NODE_FIELDS)[::-1]
-        arc_length = state.length * np.arange(self.n_elements + 1) / self.n_elements
-        of_elements = nodes[1:, TENSION]
+        n = self.n_elements
+        fields = S[N_FIXED : N_FIXED + N_NODE_FIELDS * (n + 1), 0].reshape(n + 1, N_NODE_FIELDS)[::-1]
+        arc_length = state.length * np.arange(n + 1) / n
+        kept = N_FIXED + n_cable_rows(n, hookean=self.cable.is_hookean, keeps_tensions=False)
+        of_elements = S[kept : kept + n, 0][::-1]
         inner = 0.5 * (of_elements[1:] + of_elements[:-1])
-        velocity = -nodes[:, VELOCITY]
-        if self.n_elements > 1:  # the sheave's node has no equation of motion: extrapolate
+        velocity = -fields[:, VELOCITY]
+        if n > 1:  # the sheave's node has no equation of motion: extrapolate
             velocity[-1] = 2.0 * velocity[-2] - velocity[-3]
         return AxialProfile(
             arc_length=arc_length,
-            height=-(state.length - arc_length + nodes[:, DISPLACEMENT]),
+            height=-(state.length - arc_length + fields[:, DISPLACEMENT]),
             velocity=velocity,
             tension=np.concatenate([[ends[3]], inner, [ends[2]]]),
         )

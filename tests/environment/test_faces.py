@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import os
 import pickle
 import sys
+import threading
 import time
 import warnings
 
@@ -18,6 +20,7 @@ from stable_baselines3.common.env_checker import check_env as check_env_for_sb3
 import heave_env
 from heave_env.env import HeaveEnv, HeaveVectorEnv
 from heave_env.scenarios import names
+from heave_env.workers import Workers
 
 IDS = [heave_env.load(name).environment_id for name in names()]
 
@@ -361,3 +364,21 @@ def test_python_costs_of_a_usual_step(n_envs):
     print(f"\n{n_envs} environments: {spent:.2f} us a step without the kernel")
     assert "_made_info" not in calls and "_step_with_ends" not in calls
     assert len(calls) <= 9
+
+
+def test_threads_pass_errors_on_and_leave_the_caller_where_it_may_run():
+    def call(number):
+        made.append(threading.get_ident())
+        if number == 1:
+            raise ValueError("of the second")
+
+    made: list[int] = []
+    allowed = os.sched_getaffinity(0) if hasattr(os, "sched_getaffinity") else None
+    workers = Workers(2)
+    with pytest.raises(ValueError, match="of the second"):
+        workers.run(call, [(0,), (1,)])
+    workers.run(call, [(0,), (0,)])
+    assert made.count(threading.get_ident()) == 2 and len(set(made)) == 2
+    assert allowed is None or os.sched_getaffinity(0) == allowed
+    workers.close()
+    assert pickle.loads(pickle.dumps(workers)).n_threads == 2

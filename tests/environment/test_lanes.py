@@ -26,9 +26,11 @@ from heave_env.lanes import (
     minimum,
     negated,
     numbers_from,
+    pair,
     signed_float,
     square_root,
     store_across,
+    swapped,
     unsigned_float,
     where,
     words_at,
@@ -203,3 +205,17 @@ def test_the_kernel_of_vectors_is_that_of_loops(name, dtype, monkeypatch):
         found.append((plant.observation.copy(), plant.channels, plant.reward.copy()))
     for loops, vectors in zip(*found, strict=True):
         assert np.array_equal(loops, vectors)
+
+
+@pytest.mark.parametrize("dtype", DTYPES)
+def test_a_pair_of_numbers_takes_two_lanes(dtype):
+    single = DTYPES[dtype]
+
+    @njit
+    def run(address):
+        S = block_at(address, single, 1, 0)
+        both = swapped(pair(S[0], S[1])) * constant(pair(S[0], S[1]), 2.0)
+        return lane(both, 0), lane(both, 1)
+
+    rows = np.array([3.0, 5.0], dtype=dtype)
+    assert run(rows.ctypes.data) == (10.0, 6.0)
