@@ -14,6 +14,7 @@ from collections.abc import Callable, Sequence
 from pathlib import Path
 from typing import Any, NoReturn
 
+from experiments import parsers
 from experiments.pictures_cli import EXAMPLES, add_kinds
 from experiments.rollout import FIRST_TEST_SEED
 from heave_env import __version__, scenarios
@@ -97,10 +98,10 @@ def parser() -> Parser:
         "heave demo --seeds 16 --out runs/demo",
     )
     demo.add_argument("--seeds", type=int, default=None, metavar="N", help="unseen seas to compare in (16)")
-    demo.add_argument("--steps", type=_count, metavar="N", help="training steps (the preset's)")
-    demo.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the training (0)")
+    demo.add_argument("--steps", type=parsers.count, metavar="N", help="training steps (the preset's)")
+    demo.add_argument("--seed", type=parsers.seed, default=0, metavar="N", help="seed of the training (0)")
     demo.add_argument(
-        "--duration", type=_seconds, metavar="S", help="length of an episode compared [s] (400)"
+        "--duration", type=parsers.seconds, metavar="S", help="length of an episode compared [s] (400)"
     )
     demo.add_argument("--out", default="runs/demo", metavar="DIR", help="folder for the results (runs/demo)")
 
@@ -124,7 +125,9 @@ def parser() -> Parser:
     listing.add_argument(
         "--controllers", metavar="A,B,...", help="of a page: designs (none, forecast, lqg, mpc and others)"
     )
-    listing.add_argument("--duration", type=_seconds, metavar="S", help="of a page: length of an episode [s]")
+    listing.add_argument(
+        "--duration", type=parsers.seconds, metavar="S", help="of a page: length of an episode [s]"
+    )
     listing.add_argument(
         "--out", default="docs/scenarios", metavar="DIR", help="folder of the pages (docs/scenarios)"
     )
@@ -145,12 +148,12 @@ def parser() -> Parser:
     )
     simulate.add_argument(
         "--seed",
-        type=_seed,
+        type=parsers.seed,
         default=FIRST_TEST_SEED,
         metavar="N",
         help=f"seed of the sea ({FIRST_TEST_SEED}, the first test sea)",
     )
-    simulate.add_argument("--duration", type=_seconds, metavar="S", help="length of the run [s]")
+    simulate.add_argument("--duration", type=parsers.seconds, metavar="S", help="length of the run [s]")
     _add_other(simulate)
     simulate.add_argument("--out", required=True, metavar="FILE.csv", help="file to write")
 
@@ -169,8 +172,8 @@ def parser() -> Parser:
         help="kind of agent beside a designed controller (residual, estimate, rate, sensors_rate), or a YAML "
         "file of settings; from the sensors if not given",
     )
-    train.add_argument("--seed", type=_seed, default=0, metavar="N", help="seed of the training (0)")
-    train.add_argument("--steps", type=_count, metavar="N", help="environment steps (the preset's)")
+    train.add_argument("--seed", type=parsers.seed, default=0, metavar="N", help="seed of the training (0)")
+    train.add_argument("--steps", type=parsers.count, metavar="N", help="environment steps (the preset's)")
     train.add_argument("--out", metavar="DIR", help="run folder (runs/SCENARIO-ALGORITHM-SEED)")
 
     sweep = verb(
@@ -191,7 +194,7 @@ def parser() -> Parser:
     )
     sweep.add_argument(
         "--workers",
-        type=_count,
+        type=parsers.count,
         metavar="N",
         help="trainings at a time, one processor each (all); 1 needs no Ray",
     )
@@ -213,7 +216,9 @@ def parser() -> Parser:
     compare.add_argument(
         "--seeds", type=int, default=16, metavar="N", help="compare in the first N test seas (16)"
     )
-    compare.add_argument("--duration", type=_seconds, metavar="S", help="length of an episode [s] (400)")
+    compare.add_argument(
+        "--duration", type=parsers.seconds, metavar="S", help="length of an episode [s] (400)"
+    )
     compare.add_argument("--warm-up", type=float, metavar="S", help="time left out at its start [s] (100)")
     compare.add_argument("--dtype", choices=("float64", "float32"), default="float64", help="plant precision")
     compare.add_argument("--reference", metavar="NAME", help="controller that differences are from (lqg)")
@@ -252,7 +257,7 @@ def parser() -> Parser:
         "--variants", default="all", metavar="A,B,...", help="variants of each scenario; nominal: none (all)"
     )
     table.add_argument("--seeds", type=int, default=256, metavar="N", help="the first N test seas (256)")
-    table.add_argument("--duration", type=_seconds, metavar="S", help="length of an episode [s] (400)")
+    table.add_argument("--duration", type=parsers.seconds, metavar="S", help="length of an episode [s] (400)")
     table.add_argument("--warm-up", type=float, metavar="S", help="time left out at its start [s] (100)")
     table.add_argument("--dtype", choices=("float64", "float32"), default="float64", help="plant precision")
     table.add_argument("--reference", metavar="NAME", help="contestant that ratios are over (lqg)")
@@ -267,7 +272,10 @@ def parser() -> Parser:
         help="also the cost of who knows what each episode draws (uncertainty)",
     )
     table.add_argument(
-        "--workers", type=_count, metavar="N", help="processes that run side by side (one for each processor)"
+        "--workers",
+        type=parsers.count,
+        metavar="N",
+        help="processes that run side by side (one for each processor)",
     )
     _add_other(table)
     table.add_argument(
@@ -289,7 +297,9 @@ def parser() -> Parser:
     )
     _add_set(evaluated)
     evaluated.add_argument("--seeds", type=int, default=64, metavar="N", help="the first N test seas (64)")
-    evaluated.add_argument("--duration", type=_seconds, metavar="S", help="length of an episode [s] (400)")
+    evaluated.add_argument(
+        "--duration", type=parsers.seconds, metavar="S", help="length of an episode [s] (400)"
+    )
     evaluated.add_argument("--warm-up", type=float, metavar="S", help="time left out at its start [s] (100)")
     evaluated.add_argument(
         "--dtype", choices=("float64", "float32"), default="float64", help="plant precision"
@@ -318,7 +328,7 @@ def parser() -> Parser:
         help="of add and measure: the first N validation seas (64)",
     )
     shipped.add_argument(
-        "--duration", type=_seconds, metavar="S", help="likewise: length of an episode [s] (400)"
+        "--duration", type=parsers.seconds, metavar="S", help="likewise: length of an episode [s] (400)"
     )
     shipped.add_argument(
         "--rivals",
@@ -386,7 +396,9 @@ def parser() -> Parser:
     operable.add_argument(
         "--seeds", type=int, default=16, metavar="N", help="seas of each class: the first N test seas (16)"
     )
-    operable.add_argument("--duration", type=_seconds, metavar="S", help="length of an episode [s] (400)")
+    operable.add_argument(
+        "--duration", type=parsers.seconds, metavar="S", help="length of an episode [s] (400)"
+    )
     operable.add_argument(
         "--out", required=True, metavar="DIR", help="folder for the results; it resumes what it holds"
     )
@@ -508,33 +520,6 @@ def _add_other(made: Parser) -> None:
         action="store_true",
         help="let an agent act in a scenario it was not trained for, if it sees the same",
     )
-
-
-def _count(text: str) -> int:
-    """A positive number, also as 2e6."""
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if value < 1 or value != int(value):
-        raise argparse.ArgumentTypeError(f"must be a positive whole number, got {text!r}")
-    return int(value)
-
-
-def _seed(text: str) -> int:
-    if not text.isdigit():
-        raise argparse.ArgumentTypeError(f"must be a whole number that is not negative, got {text!r}")
-    return int(text)
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be a positive number of seconds, got {text!r}")
-    return value
 
 
 def scenario_of(name: str, settings: Sequence[str] = ()) -> Scenario:

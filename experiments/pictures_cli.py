@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from experiments import runs
+from experiments import parsers, runs
 from experiments.rollout import FIRST_TEST_SEED
 from heave_env.scenarios import Scenario
 
@@ -46,18 +46,29 @@ def add_kinds(parser: Any) -> None:
         "--designs", metavar="A,B,...", help="whose weights are swept (lqg, with winch limits mpc too)"
     )
     fronts.add_argument(
-        "--weights", type=_count, default=None, metavar="N", help="weights along each ray, then refined (9)"
+        "--weights",
+        type=parsers.count,
+        default=None,
+        metavar="N",
+        help="weights along each ray, then refined (9)",
     )
-    fronts.add_argument("--seeds", type=_count, metavar="N", help="the first N seas (16; a folder's, all)")
     fronts.add_argument(
-        "--workers", type=_count, metavar="N", help="processes that run side by side (one for each processor)"
+        "--seeds", type=parsers.count, metavar="N", help="the first N seas (16; a folder's, all)"
+    )
+    fronts.add_argument(
+        "--workers",
+        type=parsers.count,
+        metavar="N",
+        help="processes that run side by side (one for each processor)",
     )
     fronts.add_argument(
         "--first-sea",
         metavar="SEED",
         help=f"{', '.join(FIRST_SEEDS)} or the seed of the first sea (test; a folder's own)",
     )
-    fronts.add_argument("--duration", type=_seconds, metavar="S", help="length of an episode [s] (400)")
+    fronts.add_argument(
+        "--duration", type=parsers.seconds, metavar="S", help="length of an episode [s] (400)"
+    )
     _add_out(fronts)
 
     storm = kind(
@@ -68,7 +79,7 @@ def add_kinds(parser: Any) -> None:
     )
     _add_source(storm, "none,lqg")
     _add_sea(storm)
-    storm.add_argument("--length", type=_seconds, default=60.0, metavar="S", help="how long [s] (60)")
+    storm.add_argument("--length", type=parsers.seconds, default=60.0, metavar="S", help="how long [s] (60)")
     _add_out(storm)
 
     learning = kind(
@@ -111,9 +122,9 @@ def add_kinds(parser: Any) -> None:
     )
     _add_source(video, "none,lqg")
     _add_sea(video)
-    video.add_argument("--length", type=_seconds, default=30.0, metavar="S", help="how long [s] (30)")
-    video.add_argument("--speed", type=_seconds, default=1.0, metavar="X", help="times as fast (1)")
-    video.add_argument("--width", type=_count, metavar="PX", help="width of the picture [px] (770)")
+    video.add_argument("--length", type=parsers.seconds, default=30.0, metavar="S", help="how long [s] (30)")
+    video.add_argument("--speed", type=parsers.positive, default=1.0, metavar="X", help="times as fast (1)")
+    video.add_argument("--width", type=parsers.count, metavar="PX", help="width of the picture [px] (770)")
     video.add_argument(
         "--format", metavar="A,B,...", help="gif, mp4, webm (gif, and mp4 where its encoder is installed)"
     )
@@ -166,22 +177,6 @@ def _add_out(parser: Any) -> None:
     parser.add_argument(
         "--out", metavar="DIR", help=f"folder for the files (pictures/ in a run's folder, or else {OUT})"
     )
-
-
-def _count(text: str) -> int:
-    if not text.isdigit() or int(text) < 1:
-        raise argparse.ArgumentTypeError(f"must be a positive whole number, got {text!r}")
-    return int(text)
-
-
-def _seconds(text: str) -> float:
-    try:
-        value = float(text)
-    except ValueError:
-        value = -1.0
-    if not 0.0 < value < float("inf"):
-        raise argparse.ArgumentTypeError(f"must be a positive number, got {text!r}")
-    return value
 
 
 # What is done ------------------------------------------------------------------------------------
