@@ -14,6 +14,7 @@ import dataclasses
 import json
 import os
 import re
+import shlex
 from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -388,7 +389,7 @@ def _training(run: Run, policy: bytes) -> dict[str, Any]:
         "wall_s": content["wall_s"],
         "started": content.get("started"),
         "finished": content.get("finished"),
-        "command": content.get("command"),
+        "command": _anywhere(content.get("command")),
         "commit": content.get("commit"),
         "versions": content.get("versions"),
         "start": content.get("start"),
@@ -399,6 +400,17 @@ def _training(run: Run, policy: bytes) -> dict[str, Any]:
         "policy_sha256": sha256(policy),
         "weights_sha256": sha256(_bytes(run.folder / _WEIGHTS_FILE)),
     }
+
+
+def _anywhere(command: str | None) -> str | None:
+    """A training's command without where its folder lay on the machine that trained it."""
+    if command is None:
+        return None
+    words = shlex.split(command)
+    for place, word in enumerate(words[:-1]):
+        if word == "--out":
+            words[place + 1] = f"runs/{Path(words[place + 1]).name}"
+    return shlex.join(words)
 
 
 def _require_same(run: Run, recipe: Mapping[str, Any], other: str) -> None:
