@@ -304,7 +304,7 @@ def add(run_folders: Sequence[str | Path], name: str | None = None) -> ZooAgent:
 
     Args:
         run_folders: Folders of trainings that differ in the seed alone.
-        name: The agent's name; None: its scenario and kind, as `limits_linear-residual`.
+        name: The agent's name; None: its scenario and kind, as `limits_linear-rate`.
 
     Returns:
         The agent, with its new card.

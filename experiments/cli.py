@@ -286,7 +286,7 @@ def parser() -> Parser:
         "evaluate",
         _evaluate,
         "run one agent in unseen seas of its scenario and print what it does, each training by itself",
-        "heave evaluate zoo:limits_linear-residual --seeds 64",
+        "heave evaluate zoo:limits_linear-rate --seeds 64",
         "heave evaluate runs/mine --scenario sea_state_5@rougher",
     )
     evaluated.add_argument(
@@ -311,9 +311,9 @@ def parser() -> Parser:
         _zoo,
         "list the trained agents that are shipped, show one's card, add finished trainings, or measure anew",
         "heave zoo list",
-        "heave zoo show limits_linear-residual",
-        "heave zoo add runs/residual_0 runs/residual_1 --name limits_linear-residual",
-        "heave zoo measure limits_linear-residual",
+        "heave zoo show limits_linear-rate",
+        "heave zoo add runs/rate_0 runs/rate_1 --name limits_linear-rate",
+        "heave zoo measure limits_linear-rate",
     )
     shipped.add_argument("action", choices=("list", "show", "add", "measure"), help="what to do")
     shipped.add_argument(
