@@ -493,6 +493,7 @@ class _Training:
 
     def go(self) -> None:
         run, settings = self.run, self.settings
+        begin = time.monotonic()
         saved = checkpoint.load_state(run.state_folder) if checkpoint.has_state(run.state_folder) else None
         guide = self._guide()
         batch, outer = surroundings(
@@ -532,6 +533,7 @@ class _Training:
             )
             run.content["imitation"] = {"teacher": dict(teachers.card), "left": left}
         supervisor = _Supervisor(self, model, batch, env, guide)
+        supervisor.began = begin  # design, whitening and imitation are part of what a training takes
         if saved is not None:
             supervisor.restore(*saved)
         run.update(status="running")  # before any other file: a killed run is known for one
