@@ -146,14 +146,23 @@ class PrivilegedVecEnv(VecEnvWrapper):
         return self._with_truth(np.asarray(observation)), reward, done, infos
 
 
-def command_given(env: VecEnv, command_range: float) -> Array:
-    """The command that the plant was last given through `step_async` [m], (n_envs, 1)."""
+def guided_within(env: VecEnv) -> GuidedVecEnv | None:
+    """The wrapper with a guide among an environment's own, if there is one."""
     while isinstance(env, VecEnvWrapper):
         if isinstance(env, GuidedVecEnv):
-            return env.command
+            return env
         env = env.venv
-    assert isinstance(env, HeaveVecEnv)
-    return np.clip(env.actions, -1.0, 1.0) * command_range
+    return None
+
+
+def command_given(env: VecEnv, command_range: float) -> Array:
+    """The command that the plant was last given through `step_async` [m], (n_envs, 1)."""
+    guided = guided_within(env)
+    if guided is not None:
+        return guided.command
+    batch = env.unwrapped
+    assert isinstance(batch, HeaveVecEnv)
+    return np.clip(batch.actions, -1.0, 1.0) * command_range
 
 
 def surroundings(

@@ -21,7 +21,7 @@ import torch
 from stable_baselines3.common.base_class import BaseAlgorithm
 
 from agents.guide import Guide, Look, beside, make_guide
-from agents.guided_env import GuidedVecEnv, command_given, surroundings
+from agents.guided_env import command_given, guided_within, surroundings
 from agents.networks import actor_mean
 from baselines.oracle import DESIGNS as ORACLES
 from baselines.oracle import oracle
@@ -211,16 +211,8 @@ def imitate(
 
 def _action(env: Any, command: np.ndarray, reach: float) -> np.ndarray:
     """The action that gives a command [m], or does the same to the drum, (n_rows, 1)."""
-    guided = _guided(env)
+    guided = guided_within(env)
     return np.clip(command / reach, -1.0, 1.0) if guided is None else guided.action_for(command)
-
-
-def _guided(env: Any) -> GuidedVecEnv | None:
-    while not isinstance(env, GuidedVecEnv):
-        if not hasattr(env, "venv"):
-            return None
-        env = env.venv
-    return env
 
 
 def _mean(model: BaseAlgorithm, seen: np.ndarray) -> np.ndarray:
