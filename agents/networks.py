@@ -264,6 +264,27 @@ def actor_mean(model: BaseAlgorithm, observations: torch.Tensor) -> torch.Tensor
     return torch.tanh(policy.actor.mu(policy.actor.latent_pi(features)))
 
 
+def actor_sequence(
+    model: RecurrentPPO, observations: torch.Tensor, memory: tuple[torch.Tensor, torch.Tensor] | None
+) -> tuple[torch.Tensor, tuple[torch.Tensor, torch.Tensor]]:
+    """The mean action of an actor with a memory over a stretch of an episode, with its gradient.
+
+    Args:
+        model: The algorithm.
+        observations: Step by step, (n_steps, n_rows, n_observations).
+        memory: The LSTM's output and cell before the first, each (1, n_rows, width); None begins afresh.
+
+    Returns:
+        Actions before they are cut off, (n_steps, n_rows, 1), and the memory after the last.
+    """
+    policy: Any = model.policy
+    shape = observations.shape[:2]
+    features = policy.extract_features(observations.flatten(0, 1)).unflatten(0, shape)
+    output, memory = policy.lstm_actor(features, memory)
+    seen = torch.cat([output, features], dim=-1)
+    return policy.action_net(policy.mlp_extractor.forward_actor(seen)), memory
+
+
 def hold_actor(model: BaseAlgorithm, held: bool) -> None:
     """Makes the actor stand still, or lets it learn."""
     policy: Any = model.policy

@@ -20,7 +20,7 @@ from heave_env.sensors import INFORMATION_SETS
 
 ALGORITHMS = ("ppo", "recurrent_ppo", "sac", "td3", "tqc")
 """Algorithms that have presets."""
-KINDS = ("residual", "estimate", "rate", "sensors_rate")
+KINDS = ("residual", "estimate", "rate", "sensors_rate", "taught")
 """Kinds of agent beside that from sensors; their presets, as `ppo_residual.yaml`, go on the algorithm's."""
 PRESET_FOLDER = Path(__file__).parent / "presets"
 """Where the presets lie, a YAML file per algorithm."""
@@ -33,7 +33,7 @@ class Preset:
     algorithm: str
     """One of `ALGORITHMS`."""
     total_steps: int
-    """Environment steps of the whole training [-]."""
+    """Environment steps of the whole training [-]; 0: the imitation of a teacher is all of it."""
     n_envs: int
     """Environments in the batch [-]."""
     information_set: str | None = None
@@ -68,6 +68,13 @@ class Preset:
     teacher: str | None = None
     """Whose commands the actor is fitted to before it learns: a designed controller with a Kalman filter, or
     `oracle` or `oracle_mpc`, who know what each episode drew; null: nobody's."""
+    lessons: int = 8
+    """Rounds of that imitation [-]."""
+    lesson_epochs: int = 5
+    """Passes over everything gathered so far after each of them, five times as many after the last [-]."""
+    take_over: float | None = None
+    """How far the agent's action may miss the teacher's in them, over the root mean square of that, before
+    the teacher acts in its place [-]; null: however far."""
     excitation: float = 0.05
     """Deviation of the white noise on the action while that covariance is gathered [command range]."""
     feature_bound: float = 15.0
@@ -119,8 +126,9 @@ class Preset:
             self.information_set in known, self, "information_set", f"one of {', '.join(INFORMATION_SETS)}"
         )
         counts = (
-            "total_steps",
             "n_envs",
+            "lessons",
+            "lesson_epochs",
             "evaluate_every",
             "evaluation_seas",
             "checkpoint_every",
@@ -129,6 +137,7 @@ class Preset:
         )
         for field in counts:
             require_integer(self, field, minimum=1)
+        require_integer(self, "total_steps", minimum=0)
         for field in (
             "learning_rate",
             "feature_bound",
@@ -153,11 +162,13 @@ class Preset:
             "false for every algorithm but ppo",
         )
         require(
-            self.algorithm != "recurrent_ppo" or self.teacher is None,
+            self.total_steps > 0 or self.teacher is not None,
             self,
-            "teacher",
-            "null for recurrent_ppo, whose memory no sample of an imitation tells",
+            "total_steps",
+            "positive without a teacher: nothing would be learned",
         )
+        if self.take_over is not None:
+            require_number(self, "take_over", positive=True)
         require_number(self, "gamma", positive=True)
         require(self.gamma < 1.0 or math.isclose(self.gamma, 1.0), self, "gamma", "at most 1")
         for field in ("hidden", "critic_hidden"):

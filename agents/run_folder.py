@@ -6,6 +6,7 @@ import contextlib
 import csv
 import io
 import json
+import shutil
 import signal
 import threading
 from collections.abc import Iterator, Mapping
@@ -22,6 +23,8 @@ RUN_FILE = "run.json"
 """What describes a run, in its folder."""
 STATE_FOLDER = "resume"
 """Where the state to go on from lies while a training is not finished."""
+LESSONS_FOLDER = "lessons"
+"""Where an imitation keeps its rounds while a training is not finished."""
 CARD_FILE = "card.md"
 """What a finished run came to, to be read."""
 _LOCK_FILE = ".lock"
@@ -80,6 +83,11 @@ class Run:
         """Where the state to go on from lies."""
         return self.folder / STATE_FOLDER
 
+    @property
+    def lessons_folder(self) -> Path:
+        """Where an imitation keeps its rounds."""
+        return self.folder / LESSONS_FOLDER
+
     def update(self, **changes: Any) -> None:
         """Changes entries and writes the JSON."""
         self.content |= changes
@@ -109,11 +117,10 @@ class Run:
         self.drop_state()
 
     def drop_state(self) -> None:
-        """Removes the state to go on from: there is nothing left to do."""
-        if self.state_folder.exists():
-            for path in self.state_folder.iterdir():
-                path.unlink()
-            self.state_folder.rmdir()
+        """Removes what there would be to go on from: there is nothing left to do."""
+        for folder in (self.state_folder, self.lessons_folder):
+            if folder.exists():
+                shutil.rmtree(folder)
 
 
 @contextlib.contextmanager
@@ -166,7 +173,9 @@ def card_of(content: Mapping[str, Any]) -> str:
     start, best, result, preset = (content[key] for key in ("start", "best", "result", "preset"))
     guide = content.get("guide")
     seen = preset["information_set"] or content["scenario"].get("information_set", "sensors")
-    sees = seen.replace("_", " ") + ("" if guide is None else f", and the estimate of {guide['controller']}")
+    sees = seen.replace("_", " ")
+    if guide is not None and preset.get("guide_shown", True):
+        sees += f", and the estimate of {guide['controller']}"
     last = result["first_sea"] + result["n_seas"] - 1
     rows = {
         "command": f"`{content['command']}`",

@@ -38,7 +38,7 @@ from stable_baselines3.common.vec_env import VecEnvWrapper
 from agents import checkpoint, networks
 from agents.guide import Guide, guide_from_card, make_guide
 from agents.guided_env import GuidedVecEnv, PrivilegedVecEnv, surroundings
-from agents.imitation import imitate, school
+from agents.imitation import imitate
 from agents.policy import TrainedPolicy, policy_card, save_policy
 from agents.presets import Preset, load_preset
 from agents.run_folder import (
@@ -48,6 +48,7 @@ from agents.run_folder import (
     sole_user,
     tensorboard,
 )
+from agents.teachers import school
 from agents.vec_env import HeaveVecEnv, ScaledReward
 from heave_env import scenarios
 from heave_env.controller import Controller
@@ -493,7 +494,7 @@ class _Training:
 
     def go(self) -> None:
         run, settings = self.run, self.settings
-        begin = time.monotonic()
+        begin, earlier = time.monotonic(), 0.0
         saved = checkpoint.load_state(run.state_folder) if checkpoint.has_state(run.state_folder) else None
         guide = self._guide()
         batch, outer = surroundings(
@@ -521,7 +522,8 @@ class _Training:
         env.seed(self.first_sea)
         if saved is None and settings.teacher is not None:
             teachers = school(settings.teacher, self.scenario)
-            left = imitate(
+            run.update(status="running")  # before any other file: a killed run is known for one
+            course = imitate(
                 model,
                 self.scenario,
                 teachers,
@@ -530,13 +532,25 @@ class _Training:
                 excitation=0.2 * settings.excitation,
                 first_sea=self.first_sea,
                 seed=self.seed,
+                n_rounds=settings.lessons,
+                n_epochs=settings.lesson_epochs,
+                take_over=settings.take_over,
+                keep=run.lessons_folder,
+                progress=f"{settings.teacher} teaches {self.scenario.name}" if self.progress else None,
             )
-            run.content["imitation"] = {"teacher": dict(teachers.card), "left": left}
+            earlier = course.wall_before
+            run.content["imitation"] = {
+                "teacher": dict(teachers.card),
+                "left": None if math.isnan(course.left) else course.left,
+                "taken_over": course.taken,
+                "wall_s": round(course.wall, 1),
+            }
         supervisor = _Supervisor(self, model, batch, env, guide)
-        supervisor.began = begin  # design, whitening and imitation are part of what a training takes
+        # Design, whitening and imitation are part of what a training takes.
+        supervisor.began = begin - earlier
         if saved is not None:
             supervisor.restore(*saved)
-        run.update(status="running")  # before any other file: a killed run is known for one
+        run.update(status="running")
         model.set_logger(Logger(str(run.folder), [supervisor.curve, tensorboard(run.folder)]))
         try:
             with interrupt_flag() as flag:

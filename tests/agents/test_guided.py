@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import csv
 import json
 
 import numpy as np
@@ -13,15 +12,14 @@ pytest.importorskip("stable_baselines3")
 import torch
 from stable_baselines3.common.callbacks import BaseCallback
 
-from agents import imitation, networks
+from agents import networks
 from agents.guide import guide_from_card, make_guide
 from agents.guided_env import GuidedVecEnv, surroundings
 from agents.policy import load_policy, policy_card
 from agents.presets import KINDS, load_preset
-from agents.train import build_model, train, validation, widened_groundwork
+from agents.train import build_model, train, widened_groundwork
 from agents.vec_env import ScaledReward
 from baselines import design
-from baselines.oracle import oracle
 from heave_env import scenarios
 from heave_env.plant import truth_names
 from tests.agents.test_training import PPO, SMALL, interrupt_at, same_results
@@ -293,16 +291,6 @@ def test_an_action_near_nothing_leaves_the_drum_at_rest():
     np.testing.assert_allclose(guide.action(look, command), expected, atol=1e-6)
 
 
-def test_a_miss_that_changes_nothing_does_not_count():
-    action = torch.tensor([0.1, 0.5, -0.5, 0.4, 0.2, -0.6, -0.2])
-    wanted = torch.tensor(
-        [[0, 0, 0, 0.3], [0, 0, 0, 0.3], [0, 0, 0, 0.3], [0.3, 0, 1, 0], [0.3, 0, 1, 0], [-0.5, 1, 0, 0],
-         [-0.5, 1, 0, 0]]
-    )  # fmt: skip
-    missed = imitation._missed(action, wanted)
-    np.testing.assert_allclose(missed.numpy(), [0.0, 0.2, -0.2, 0.0, -0.1, 0.0, 0.3], atol=1e-6)
-
-
 def test_an_agent_may_be_kept_from_seeing_its_guide():
     settings = load_preset(
         "ppo", LIMITS, {**PPO, "guide": "mpc", "guide_mode": "rate", "guide_reach": 1.0, "guide_shown": False}
@@ -340,41 +328,6 @@ def test_a_rate_survives_what_ruins_a_command():
         del batch
     print(f"2 % of noise on the command {costs['estimate']:.2f}, on the rate {costs['rate']:.2f}")
     assert costs["rate"] < 0.8 * costs["estimate"]
-
-
-def test_a_teacher_is_imitated(tmp_path, monkeypatch):
-    """A small network that began as nothing does nearly as its teacher, and training goes on from there."""
-    for name, value in (("N_ROWS", 32), ("N_ROUNDS", 3), ("ROUND_STEPS", 200), ("BATCH", 64)):
-        monkeypatch.setattr(imitation, name, value)
-    preset = guided(guide="mpc", guide_mode="rate", guide_reach=1.0, teacher="mpc", warm_start=False)
-    folder = train(LINEAR, out=tmp_path / "run", preset=preset, progress=False)
-    run = json.loads((folder / "run.json").read_text())
-    assert run["imitation"]["teacher"]["controller"] == "mpc" and run["imitation"]["left"] < 0.01
-    with (folder / "evaluations.csv").open() as file:
-        start = float(next(csv.DictReader(file))["cost_mean"])
-    policy = load_policy(folder, LINEAR)
-    best = validation(policy.guide.controller, policy.scenario, n_seas=8, duration=100.0)["cost_mean"]
-    nothing = LINEAR.uncontrolled_cost
-    assert start < best + 0.05 * (nothing - best)
-
-
-def test_an_oracle_teaches_each_row_by_what_it_drew():
-    """Told what it says itself, it is the oracle."""
-    scenario = scenarios.with_value(scenarios.load("unknown_linear"), "duration", 60.0)
-    seeds = range(40, 44)
-    teacher = imitation.school("oracle", scenario).teacher(seeds)
-    _, env = surroundings(scenario, 4, None, privileged=False)
-    env.seed(seeds[0])
-    seen, alone = np.asarray(env.reset()), oracle(scenario, seeds)
-    memory, others = np.zeros((4, teacher.n_memory)), None
-    for _ in range(50):
-        look = teacher.look(seen, memory)
-        action, others = alone.predict(seen, others)
-        np.testing.assert_allclose(look.command[:, 0] / scenario.winch.command_range, action[:, 0], atol=1e-6)
-        env.step_async(action)
-        memory = teacher.advance(memory, look, look.command)
-        seen = np.asarray(env.step_wait()[0])
-    assert np.ptp(look.command) > 0.01
 
 
 class _Until(BaseCallback):
@@ -415,20 +368,3 @@ def test_the_actor_stands_still_while_the_critic_learns(tmp_path):
     assert all(torch.equal(before[name], held[name]) for name in actors)
     assert not any(torch.equal(held[name], moved[name]) for name in actors)
     assert not any(torch.equal(before[name], held[name]) for name in critics)
-
-
-@pytest.mark.slow
-def test_the_imitated_plan_costs_nearly_what_the_plan_costs(tmp_path):
-    """On `limits_linear`, where the tuned predictive controller costs six tenths of the tuned lqg."""
-    preset = {**load_preset("ppo", LIMITS, "rate").to_mapping(), "total_steps": 16_384}
-    preset.pop("algorithm")
-    folder = train(LIMITS, out=tmp_path / "run", preset=preset, progress=False)
-    with (folder / "evaluations.csv").open() as file:
-        start = float(next(csv.DictReader(file))["cost_mean"])
-    policy = load_policy(folder, LIMITS)
-    plan, lqg = (
-        validation(controller, policy.scenario, n_seas=32, duration=200.0)["cost_mean"]
-        for controller in (policy.guide.controller, design("lqg", policy.scenario))
-    )
-    print(f"imitation {start:.3f}, mpc {plan:.3f}, lqg {lqg:.3f}")
-    assert start < 1.12 * plan and start < 0.72 * lqg

@@ -163,11 +163,6 @@ def test_beside_a_guide_an_agent_with_a_memory_acts_alone_as_it_was_trained(tmp_
     np.testing.assert_allclose(memory[:, -8:], own, atol=1e-4)
 
 
-def test_a_teacher_is_refused_where_a_memory_would_have_to_be_imitated():
-    with pytest.raises(ValueError, match="teacher must be null for recurrent_ppo"):
-        load_preset("recurrent_ppo", SCENARIO, {"teacher": "lqg"})
-
-
 def test_a_trained_policy_is_evaluated_by_stable_baselines(tmp_path):
     policy = load_policy(trained(tmp_path / "run"))
     env = VecMonitor(HeaveVecEnv(SCENARIO, 2, max_episode_steps=20))
