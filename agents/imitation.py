@@ -42,8 +42,6 @@ from agents.teachers import School, Teacher
 from heave_env.files import write_atomic
 from heave_env.scenarios import Scenario
 
-N_ROWS = 120
-"""Seas driven side by side [-]."""
 ROUND_STEPS = 900
 """Control steps of a round, each of which has seas of its own, at most an episode [-]."""
 SETTLING = 100
@@ -118,6 +116,7 @@ def imitate(
     first_sea: int,
     seed: int,
     n_rounds: int,
+    n_rows: int,
     n_epochs: int,
     take_over: float | None = None,
     keep: Path | None = None,
@@ -135,6 +134,7 @@ def imitate(
         first_sea: Seed of the first of the seas, training seas.
         seed: Of the order in which data are shown.
         n_rounds: Rounds; the teacher itself drives the first [-].
+        n_rows: Seas driven side by side [-].
         n_epochs: Passes over everything gathered so far after each round, `LAST_EPOCHS` times as many after
             the last [-].
         take_over: How far the agent's action may be off, over the root mean square of the teacher's, before
@@ -168,9 +168,9 @@ def imitate(
             dynamic_ncols=True,
         )
     for turn in range(len(course.lessons), n_rounds):
-        first = first_sea + turn * N_ROWS
-        teacher = school.teacher(range(first, first + N_ROWS))
-        _gather(course, model, scenario, teacher, guide, first, privileged, excitation, take_over)
+        seeds = range(first_sea + turn * n_rows, first_sea + (turn + 1) * n_rows)
+        teacher = school.teacher(seeds)
+        _gather(course, model, scenario, teacher, guide, seeds, privileged, excitation, take_over)
         if bar is not None:
             if turn:
                 bar.set_postfix(taken_over=f"{course.taken:.3f}", left=f"{course.left:.3g}", refresh=False)
@@ -195,27 +195,28 @@ def _gather(
     scenario: Scenario,
     teacher: Teacher,
     guide: Guide | None,
-    first_sea: int,
+    seeds: range,
     privileged: bool,
     excitation: float,
     take_over: float | None,
 ) -> None:
     """Drives a round, and adds its lesson; the first one is the teacher's own."""
-    _, env = surroundings(scenario, N_ROWS, guide, privileged=privileged)
+    n_rows = len(seeds)
+    _, env = surroundings(scenario, n_rows, guide, privileged=privileged)
     n_raw = len(scenario.observation_names)
     reach = scenario.winch.command_range
-    ends = np.full((N_ROWS, 1), reach)
+    ends = np.full((n_rows, 1), reach)
     rests = 0.0 if guide is None else guide.rest
     n_steps = min(ROUND_STEPS, scenario.n_steps - 1)
     settling = min(SETTLING, n_steps // 2)
     driven = bool(course.lessons)
     largest_miss = np.inf if take_over is None or not driven else take_over * course.size
     seen_so_far, wanted, counts, taken, missed = [], [], [], [], []
-    env.seed(first_sea)
+    env.seed(seeds[0])
     seen = np.asarray(env.reset())
-    memory = np.zeros((N_ROWS, teacher.n_memory))
+    memory = np.zeros((n_rows, teacher.n_memory))
     own: Any = None
-    running = np.ones(N_ROWS, dtype=bool)
+    running = np.ones(n_rows, dtype=bool)
     for step in range(n_steps):
         look = teacher.look(seen[:, :n_raw], memory)
         target = _action(env, look.command, reach)
@@ -233,7 +234,7 @@ def _gather(
         seen_so_far.append(np.asarray(seen, dtype=np.float32))
         wanted.append(told.astype(np.float32))
         counts.append(running & (step >= settling))
-        noise = excitation * course.rng.standard_normal((N_ROWS, 1))
+        noise = excitation * course.rng.standard_normal((n_rows, 1))
         env.step_async(np.clip(action + noise, -1.0, 1.0))
         command = command_given(env, reach)
         following, _, done, _ = env.step_wait()
@@ -247,7 +248,7 @@ def _gather(
     lesson = Lesson(np.stack(seen_so_far), np.stack(wanted), np.stack(counts))
     if not lesson.counts.any():
         raise ValueError(
-            f"scenario {scenario.name!r}: in all {N_ROWS} seas of round {len(course.lessons) + 1} of the "
+            f"scenario {scenario.name!r}: in all {n_rows} seas of round {len(course.lessons) + 1} of the "
             f"imitation the operation failed within {settling * scenario.control_dt:g} s: choose another "
             "teacher, or give take_over"
         )

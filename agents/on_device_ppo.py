@@ -247,7 +247,7 @@ class OnDevicePpo:
             ground: Whitening and first policy; worked out if not given.
         """
         self.scenario, self.settings, self.seed = scenario, settings, seed
-        first_sea = first_training_sea(seed, settings.n_envs)
+        first_sea = first_training_sea(seed, settings)
         self.env = HeaveTorchVectorEnv(scenario, settings.n_envs, device=device)
         self.device = torch.device(self.env.device)
         self.generator = torch.Generator(self.device).manual_seed(seed)

@@ -70,6 +70,8 @@ class Preset:
     `oracle` or `oracle_mpc`, who know what each episode drew; null: nobody's."""
     lessons: int = 8
     """Rounds of that imitation [-]."""
+    lesson_seas: int = 120
+    """Seas driven side by side in each of them [-]."""
     lesson_epochs: int = 5
     """Passes over everything gathered so far after each of them, five times as many after the last [-]."""
     take_over: float | None = None
@@ -128,6 +130,7 @@ class Preset:
         counts = (
             "n_envs",
             "lessons",
+            "lesson_seas",
             "lesson_epochs",
             "evaluate_every",
             "evaluation_seas",

@@ -116,7 +116,7 @@ def train(
     chosen = scenarios.load(scenario)
     settings = _settings(algorithm, chosen, preset, total_steps, n_envs)
     seen = _seen(chosen, settings)
-    first_sea = first_training_sea(seed, settings.n_envs)
+    first_sea = first_training_sea(seed, settings)
     folder = Path(out) if out is not None else Path("runs") / f"{chosen.name}-{algorithm}-{seed}"
     identity = {
         "kind": "training",
@@ -175,16 +175,18 @@ def _seen(scenario: Scenario, settings: Preset) -> Scenario:
     return dataclasses.replace(scenario, **changes)
 
 
-def first_training_sea(seed: int, n_envs: int) -> int:
-    """First of the training seas of a seed; no two seeds share a sea.
+def first_training_sea(seed: int, settings: Preset) -> int:
+    """First of the training seas of a seed; no two seeds share a sea, in lessons or later.
 
     Raises:
         ValueError: If there are no seas for such a seed.
     """
-    most = TRAINING_SEEDS // max(n_envs, 1000) - 1
+    taught = 0 if settings.teacher is None else settings.lessons * settings.lesson_seas
+    n_seas = max(settings.n_envs, taught, 1000)
+    most = TRAINING_SEEDS // n_seas - 1
     if not isinstance(seed, int) or isinstance(seed, bool) or not 0 <= seed <= most:
         raise ValueError(f"seed must be a whole number from 0 to {most}, got {seed!r}")
-    return seed * max(n_envs, 1000)
+    return seed * n_seas
 
 
 @dataclass(frozen=True)
@@ -533,6 +535,7 @@ class _Training:
                 first_sea=self.first_sea,
                 seed=self.seed,
                 n_rounds=settings.lessons,
+                n_rows=settings.lesson_seas,
                 n_epochs=settings.lesson_epochs,
                 take_over=settings.take_over,
                 keep=run.lessons_folder,

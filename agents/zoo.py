@@ -245,9 +245,10 @@ class Run:
 
     @property
     def kind(self) -> str:
-        """Mode of its guide, or `sensors` without one."""
+        """Mode of its guide, or `sensors` without one, or if it does not see what that estimates."""
         guide = self.policy.card.get("guide")
-        return str(guide["mode"]) if guide else "sensors"
+        shown = self.content["preset"].get("guide_shown", True)
+        return str(guide["mode"]) if guide and shown else "sensors"
 
 
 def read_run(folder: str | Path) -> Run:

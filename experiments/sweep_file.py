@@ -266,7 +266,7 @@ def check_seed(seed: int, preset: Preset) -> None:
     """
     from agents.train import first_training_sea
 
-    first_training_sea(seed, preset.n_envs)
+    first_training_sea(seed, preset)
 
 
 def resolved(

@@ -18,7 +18,7 @@ from agents.guided_env import surroundings
 from agents.policy import load_policy
 from agents.presets import load_preset
 from agents.teachers import school
-from agents.train import train, validation
+from agents.train import first_training_sea, train, validation
 from baselines import design
 from baselines.oracle import oracle
 from heave_env import scenarios
@@ -28,12 +28,13 @@ LINEAR = scenarios.load("thesis_linear")
 LIMITS = scenarios.load("limits_linear")
 UNKNOWN = scenarios.load("unknown_linear")
 # Short rounds of few seas, and a network with a memory that imitates and nothing else.
-SMALL = {"N_ROWS": 32, "ROUND_STEPS": 200, "BATCH": 64, "SEQUENCES": 8, "CHUNK": 50, "SETTLING": 20}
+FEW = {"lessons": 3, "lesson_seas": 32}
+SMALL = {"ROUND_STEPS": 200, "BATCH": 64, "SEQUENCES": 8, "CHUNK": 50, "SETTLING": 20}
 TAUGHT = {
     **RECURRENT,
     "total_steps": 0,
     "teacher": "lqg",
-    "lessons": 3,
+    **FEW,
     "take_over": 0.3,
     "excitation": 0.01,
     "information_set": "sensors_history",
@@ -146,9 +147,7 @@ def killed_in_round(monkeypatch, turn: int, what: str) -> None:
 def test_an_imitation_goes_on_after_its_last_round_to_the_same_bits(
     tmp_path, small, monkeypatch, turn, what, student
 ):
-    preset = (
-        dict(TAUGHT) if student == "memory" else {**PPO, "teacher": "lqg", "lessons": 3, "total_steps": 0}
-    )
+    preset = dict(TAUGHT) if student == "memory" else {**PPO, **FEW, "teacher": "lqg", "total_steps": 0}
     algorithm = "recurrent_ppo" if student == "memory" else "ppo"
 
     def once(folder: Path) -> Path:
@@ -188,6 +187,13 @@ def test_the_teacher_takes_over_where_the_agent_misses_it(small, tmp_path):
         folder = taught(tmp_path / str(limit), take_over=limit, lessons=2)
         taken = json.loads((folder / "run.json").read_text())["imitation"]["taken_over"]
         assert share[0] <= taken <= share[1]
+
+
+def test_no_two_seeds_are_taught_in_one_sea():
+    settings = load_preset("recurrent_ppo", UNKNOWN, "taught")
+    taught = settings.lessons * settings.lesson_seas
+    assert first_training_sea(1, settings) - first_training_sea(0, settings) >= taught > 1000
+    assert first_training_sea(3, load_preset("ppo", LIMITS, "rate")) == 3000
 
 
 def test_a_training_of_nothing_is_refused():
