@@ -6,6 +6,9 @@ told what was commanded, says what it would have done, and all that was gathered
 network that has only seen the teacher's own way does not know what to do beside it.) What an action at the
 end of what has an effect misses in the harmless direction does not count.
 
+With `repeat_worst` a part of a lesson's seas are those in which the agent missed most when it was last there:
+a few in a hundred decide whether it ever loses its loop.
+
 With `take_over` the teacher acts in the agent's place wherever that misses it by much: an agent that cannot
 hold its loop yet would show nothing but how it loses it.
 
@@ -52,6 +55,8 @@ BATCH = 2048
 AT_LIMIT = 1e-6
 """Actions this close to the least or the most that have an effect count as that [-]."""
 LEARNING_RATE = 2e-3
+FIRST_REPEAT = 3
+"""Rounds before the first in which seas are repeated [-]: at first the agent misses everywhere."""
 SEQUENCES = 32
 """Rows of a batch where a network with a memory is fitted [-]."""
 CHUNK = 90
@@ -89,6 +94,8 @@ class Course:
     rng: np.random.Generator
     generator: torch.Generator
     lessons: list[Lesson] = field(default_factory=list)
+    misses: dict[int, float] = field(default_factory=dict)
+    """Mean square by which the agent missed in each sea when it was last there, by its seed [-]."""
     left: float = float("nan")
     """Share of the teacher's mean square action that the fit leaves, on what was not yet learned from."""
     taken: float = 0.0
@@ -119,6 +126,7 @@ def imitate(
     n_rows: int,
     n_epochs: int,
     take_over: float | None = None,
+    repeat_worst: float = 0.0,
     keep: Path | None = None,
     progress: str | None = None,
 ) -> Course:
@@ -139,6 +147,8 @@ def imitate(
             the last [-].
         take_over: How far the agent's action may be off, over the root mean square of the teacher's, before
             the teacher acts in its place [-]; None: however far.
+        repeat_worst: Share of a round's seas that are those of earlier rounds in which the agent missed most
+            [-].
         keep: Folder in which whole rounds are kept, and from which the imitation goes on; None: nowhere.
         progress: What the progress bar on stderr is called; None: there is none.
 
@@ -168,7 +178,8 @@ def imitate(
             dynamic_ncols=True,
         )
     for turn in range(len(course.lessons), n_rounds):
-        seeds = range(first_sea + turn * n_rows, first_sea + (turn + 1) * n_rows)
+        fresh = range(first_sea + turn * n_rows, first_sea + (turn + 1) * n_rows)
+        seeds = [*_worst(course, round(repeat_worst * n_rows)), *fresh][:n_rows]
         teacher = school.teacher(seeds)
         _gather(course, model, scenario, teacher, guide, seeds, privileged, excitation, take_over)
         if bar is not None:
@@ -186,6 +197,13 @@ def imitate(
     return course
 
 
+def _worst(course: Course, n: int) -> list[int]:
+    """The seas in which the agent missed most, at most n of them, once it is worth telling."""
+    if len(course.lessons) < FIRST_REPEAT:
+        return []
+    return sorted(course.misses, key=lambda sea: (-course.misses[sea], sea))[:n]
+
+
 # Driving -----------------------------------------------------------------------------------------
 
 
@@ -195,14 +213,14 @@ def _gather(
     scenario: Scenario,
     teacher: Teacher,
     guide: Guide | None,
-    seeds: range,
+    seeds: Sequence[int],
     privileged: bool,
     excitation: float,
     take_over: float | None,
 ) -> None:
     """Drives a round, and adds its lesson; the first one is the teacher's own."""
     n_rows = len(seeds)
-    _, env = surroundings(scenario, n_rows, guide, privileged=privileged)
+    batch, env = surroundings(scenario, n_rows, guide, privileged=privileged)
     n_raw = len(scenario.observation_names)
     reach = scenario.winch.command_range
     ends = np.full((n_rows, 1), reach)
@@ -212,7 +230,7 @@ def _gather(
     driven = bool(course.lessons)
     largest_miss = np.inf if take_over is None or not driven else take_over * course.size
     seen_so_far, wanted, counts, taken, missed = [], [], [], [], []
-    env.seed(seeds[0])
+    batch.seed_rows(seeds)
     seen = np.asarray(env.reset())
     memory = np.zeros((n_rows, teacher.n_memory))
     own: Any = None
@@ -254,7 +272,10 @@ def _gather(
         )
     if driven:
         size = float(np.mean(lesson.samples[1][:, 0].astype(float) ** 2))
-        course.left = float(np.mean(np.stack(missed)[lesson.counts] ** 2)) / max(size, 1e-30)
+        square = np.stack(missed) ** 2
+        course.left = float(np.mean(square[lesson.counts])) / max(size, 1e-30)
+        each = np.sum(square * lesson.counts, axis=0) / np.maximum(lesson.counts.sum(axis=0), 1)
+        course.misses |= dict(zip(seeds, map(float, each), strict=True))
         course.taken = float(np.mean(taken[settling:]))
     course.lessons.append(lesson)
 
@@ -380,6 +401,7 @@ def _keep(course: Course, model: BaseAlgorithm, folder: Path) -> None:
         "lessons": [*hashes, sha256(packed)],
         "rng": course.rng.bit_generator.state,
         "left": None if np.isnan(course.left) else course.left,
+        "misses": [[sea, miss] for sea, miss in course.misses.items()],
         "taken": course.taken,
         "wall": course.wall,
     }
@@ -406,5 +428,6 @@ def _go_on(course: Course, model: BaseAlgorithm, folder: Path) -> None:
     course.generator.set_state(torch.as_tensor(arrays["generator"]))
     course.rng.bit_generator.state = content["rng"]
     course.left = float("nan") if content["left"] is None else float(content["left"])
+    course.misses = {int(sea): float(miss) for sea, miss in content["misses"]}
     course.taken = float(content["taken"])
     course.wall = course.wall_before = float(content["wall"])

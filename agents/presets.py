@@ -77,6 +77,8 @@ class Preset:
     take_over: float | None = None
     """How far the agent's action may miss the teacher's in them, over the root mean square of that, before
     the teacher acts in its place [-]; null: however far."""
+    repeat_worst: float = 0.0
+    """Share of a lesson's seas that are those of earlier ones in which the agent missed most [-]."""
     excitation: float = 0.05
     """Deviation of the white noise on the action while that covariance is gathered [command range]."""
     feature_bound: float = 15.0
@@ -170,6 +172,8 @@ class Preset:
             "total_steps",
             "positive without a teacher: nothing would be learned",
         )
+        require_number(self, "repeat_worst", non_negative=True)
+        require(self.repeat_worst < 1.0, self, "repeat_worst", "below 1")
         if self.take_over is not None:
             require_number(self, "take_over", positive=True)
         require_number(self, "gamma", positive=True)

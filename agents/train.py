@@ -538,6 +538,7 @@ class _Training:
                 n_rows=settings.lesson_seas,
                 n_epochs=settings.lesson_epochs,
                 take_over=settings.take_over,
+                repeat_worst=settings.repeat_worst,
                 keep=run.lessons_folder,
                 progress=f"{settings.teacher} teaches {self.scenario.name}" if self.progress else None,
             )

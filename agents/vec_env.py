@@ -56,6 +56,16 @@ class HeaveVecEnv(VecEnv):
         self._names: frozenset[str] = frozenset()
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
 
+    def seed_rows(self, seeds: Sequence[int]) -> None:
+        """Gives each row the sea of its own seed at the next reset.
+
+        Raises:
+            ValueError: If there is not one for each row.
+        """
+        if len(seeds) != self.num_envs:
+            raise ValueError(f"{self.num_envs} rows want as many seeds, got {len(seeds)}")
+        self._seeds = [int(seed) for seed in seeds]
+
     def reset(self) -> np.ndarray:
         """Begins an episode in every row and returns the observations."""
         seeds = None if self._seeds[0] is None else [int(seed) for seed in self._seeds if seed is not None]
