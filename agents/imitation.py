@@ -48,7 +48,8 @@ from heave_env.scenarios import Scenario
 ROUND_STEPS = 900
 """Control steps of a round, each of which has seas of its own, at most an episode [-]."""
 SETTLING = 100
-"""Control steps from the start of an episode that are not learned from [-]."""
+"""Control steps from the start of an episode that a network without a memory does not learn from [-]: there
+a filter that has seen little yet does otherwise than later with the same samples."""
 LAST_EPOCHS = 5
 """Times as many epochs after the last round [-]."""
 BATCH = 2048
@@ -226,7 +227,7 @@ def _gather(
     ends = np.full((n_rows, 1), reach)
     rests = 0.0 if guide is None else guide.rest
     n_steps = min(ROUND_STEPS, scenario.n_steps - 1)
-    settling = min(SETTLING, n_steps // 2)
+    settling = 0 if isinstance(model, RecurrentPPO) else min(SETTLING, n_steps // 2)
     driven = bool(course.lessons)
     largest_miss = np.inf if take_over is None or not driven else take_over * course.size
     seen_so_far, wanted, counts, taken, missed = [], [], [], [], []

@@ -112,7 +112,7 @@ def test_an_oracle_teaches_each_row_by_what_it_drew():
 
 def test_a_memory_is_taught(tmp_path, small):
     """Nothing but sensors, whose noise hides the rest: without its memory the student would not do."""
-    folder = taught(tmp_path / "run", lessons=6, lesson_epochs=15)
+    folder = taught(tmp_path / "run", lessons=4, lesson_epochs=8)
     run = json.loads((folder / "run.json").read_text())
     assert run["steps"] == 0 and run["status"] == "finished" and run["imitation"]["left"] < 0.3
     assert not (folder / "lessons").exists()
@@ -142,32 +142,38 @@ def killed_in_round(monkeypatch, turn: int, what: str) -> None:
     monkeypatch.setattr(module, what, dying)
 
 
-@pytest.mark.parametrize(("turn", "what"), [(1, "_fit"), (2, "_gather"), (3, "_fit"), (2, "_keep")])
 @pytest.mark.parametrize("student", ["memory", "none"])
-def test_an_imitation_goes_on_after_its_last_round_to_the_same_bits(
-    tmp_path, small, monkeypatch, turn, what, student
-):
-    preset = dict(TAUGHT) if student == "memory" else {**PPO, **FEW, "teacher": "lqg", "total_steps": 0}
-    algorithm = "recurrent_ppo" if student == "memory" else "ppo"
+def test_an_imitation_goes_on_after_its_last_round_to_the_same_bits(tmp_path, small, monkeypatch, student):
+    few = {**FEW, "lesson_epochs": 1, "repeat_worst": 0.5, "lessons": 5}
+    algorithm, preset = "recurrent_ppo", {**TAUGHT, **few}
+    if student == "none":
+        algorithm, preset = "ppo", {**PPO, **few, "teacher": "lqg", "total_steps": 0}
 
     def once(folder: Path) -> Path:
         return train(LINEAR, algorithm=algorithm, seed=2, out=folder, preset=preset, progress=False)
 
     whole = once(tmp_path / "whole")
-    with monkeypatch.context() as patched:
-        killed_in_round(patched, turn, what)
-        with pytest.raises(_Killed):
-            once(tmp_path / "killed")
-    rounds = {"_fit": turn - 1, "_gather": turn - 1, "_keep": turn - 1}[what]
-    assert len(list((tmp_path / "killed" / "lessons").glob("lesson-*"))) == rounds
-    with monkeypatch.context() as patched:
-        gathered = []
-        gather = imitation._gather
-        patched.setattr(imitation, "_gather", lambda *args: (gathered.append(None), gather(*args)))
-        once(tmp_path / "killed")
-    assert len(gathered) == 3 - rounds
-    for name in ("policy.safetensors", "policy.json"):
-        assert (tmp_path / "killed" / name).read_bytes() == (whole / name).read_bytes()
+    for turn, what in ((1, "_fit"), (5, "_gather"), (4, "_keep")):
+        killed = tmp_path / f"{turn}{what}"
+        with monkeypatch.context() as patched:
+            killed_in_round(patched, turn, what)
+            with pytest.raises(_Killed):
+                once(killed)
+        assert len(list((killed / "lessons").glob("lesson-*"))) == turn - 1
+        with monkeypatch.context() as patched:
+            gathered = []
+            gather = imitation._gather
+            patched.setattr(
+                imitation,
+                "_gather",
+                lambda *args, seen=gathered, gather=gather: (seen.append(args[5]), gather(*args)),
+            )
+            once(killed)
+        assert len(gathered) == 5 - (turn - 1)
+        first = min(sea for sea in gathered[-1])
+        assert first < 2000 + 4 * few["lesson_seas"]  # a sea of an earlier round is among those of the last
+        for name in ("policy.safetensors", "policy.json"):
+            assert (killed / name).read_bytes() == (whole / name).read_bytes()
 
 
 def test_a_damaged_lesson_is_refused_in_a_sentence(tmp_path, small, monkeypatch):
@@ -216,8 +222,9 @@ def test_an_imitation_in_which_nothing_lasts_is_refused(tmp_path, small, monkeyp
     with monkeypatch.context() as patched:
         patched.setattr("agents.train.ScaledReward.step_wait", failing, raising=False)
         patched.setattr(HeaveVecEnv, "step_wait", failing)
+        preset = {**PPO, **FEW, "teacher": "lqg", "total_steps": 0}
         with pytest.raises(ValueError, match="the operation failed within 2 s"):
-            taught(tmp_path / "run")
+            train(LIMITS, seed=1, out=tmp_path / "run", preset=preset, progress=False)
 
 
 @pytest.mark.slow
