@@ -20,8 +20,9 @@ from heave_env.sensors import INFORMATION_SETS
 
 ALGORITHMS = ("ppo", "recurrent_ppo", "sac", "td3", "tqc")
 """Algorithms that have presets."""
-KINDS = ("residual", "estimate", "rate", "sensors_rate", "taught")
-"""Kinds of agent beside that from sensors; their presets, as `ppo_residual.yaml`, go on the algorithm's."""
+KINDS = ("residual", "estimate", "rate", "taught")
+"""Kinds of agent beside that from sensors; their presets, as `ppo_residual.yaml`, go on the algorithm's. Not
+every algorithm has one for each (`kinds_of`)."""
 PRESET_FOLDER = Path(__file__).parent / "presets"
 """Where the presets lie, a YAML file per algorithm."""
 
@@ -189,6 +190,11 @@ class Preset:
         return {key: list(value) if isinstance(value, tuple) else value for key, value in mapping.items()}
 
 
+def kinds_of(algorithm: str) -> tuple[str, ...]:
+    """The kinds of agent that an algorithm has presets for, beside that from sensors."""
+    return tuple(kind for kind in KINDS if (PRESET_FOLDER / f"{algorithm}_{kind}.yaml").is_file())
+
+
 def load_preset(
     algorithm: str, scenario: Scenario, overrides: Mapping[str, Any] | str | Path | None = None
 ) -> Preset:
@@ -206,6 +212,12 @@ def load_preset(
         raise ValueError(f"algorithm must be one of {', '.join(ALGORITHMS)}, got {algorithm!r}")
     layers = _layers(PRESET_FOLDER / f"{algorithm}.yaml", scenario)
     if isinstance(overrides, str) and overrides in KINDS:
+        if overrides not in kinds_of(algorithm):
+            others = [other for other in ALGORITHMS if overrides in kinds_of(other)]
+            raise ValueError(
+                f"preset {overrides!r} is not one of {algorithm}'s: choose the algorithm "
+                f"{' or '.join(others)}"
+            )
         layers += _layers(PRESET_FOLDER / f"{algorithm}_{overrides}.yaml", scenario)
     elif isinstance(overrides, (str, Path)):
         layers.append(_read(Path(overrides)))

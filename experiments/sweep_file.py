@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.presets import ALGORITHMS, KINDS, PRESET_FOLDER, Preset, load_preset
+from agents.presets import ALGORITHMS, Preset, kinds_of, load_preset
 from heave_env import scenarios
 from heave_env.document import from_mapping, read_mapping
 from heave_env.parameters import name_hint, require, require_integer
@@ -288,7 +288,7 @@ def resolved(
 
     if algorithm not in ALGORITHMS:
         raise ValueError(f"algorithm must be one of {', '.join(ALGORITHMS)}, got {algorithm!r}")
-    kinds = [SENSORS, *(kind for kind in KINDS if (PRESET_FOLDER / f"{algorithm}_{kind}.yaml").is_file())]
+    kinds = [SENSORS, *kinds_of(algorithm)]
     if kind not in kinds:
         raise ValueError(f"kind of {algorithm} must be one of {', '.join(kinds)}, got {kind!r}")
     settings = load_preset(algorithm, scenario, None if kind == SENSORS else kind).to_mapping()

@@ -16,7 +16,7 @@ from agents import networks
 from agents.guide import guide_from_card, make_guide
 from agents.guided_env import GuidedVecEnv, surroundings
 from agents.policy import load_policy, policy_card
-from agents.presets import KINDS, load_preset
+from agents.presets import ALGORITHMS, kinds_of, load_preset
 from agents.train import build_model, train, widened_groundwork
 from agents.vec_env import ScaledReward
 from baselines import design
@@ -208,14 +208,26 @@ def test_only_ppo_has_a_privileged_critic():
         load_preset("sac", LINEAR, {"privileged_critic": True})
 
 
-@pytest.mark.parametrize("kind", KINDS)
-def test_the_presets_by_kind_are_complete(kind):
-    settings = load_preset("ppo", LIMITS, kind)
-    rated = kind.endswith("rate")
-    assert settings.guide == ("mpc" if rated else "lqg") and settings.privileged_critic
-    assert settings.guide_mode == ("rate" if rated else kind)
-    assert settings.teacher == ("mpc" if rated else None)
-    assert settings.guide_shown == (kind != "sensors_rate")
+@pytest.mark.parametrize(("algorithm", "kind"), [(one, kind) for one in ALGORITHMS for kind in kinds_of(one)])
+def test_the_presets_by_kind_are_complete(algorithm, kind):
+    settings = load_preset(algorithm, LIMITS, kind)
+    planned = kind in ("rate", "taught")
+    assert settings.guide == ("mpc" if planned else "lqg")
+    assert settings.guide_mode == ("rate" if planned else kind)
+    assert settings.teacher == ("mpc" if planned else None)
+    assert settings.guide_shown == (kind != "taught")
+    assert settings.privileged_critic == (algorithm == "ppo")
+
+
+def test_who_knows_teaches_where_something_is_unknown():
+    for name, teacher in (("unknown_linear", "oracle"), ("limits_unknown_cable", "oracle_mpc")):
+        settings = load_preset("recurrent_ppo", scenarios.load(name), "taught")
+        assert settings.teacher == teacher and settings.repeat_worst > 0.0
+
+
+def test_a_preset_of_another_algorithm_is_refused_in_a_sentence():
+    with pytest.raises(ValueError, match="'taught' is not one of ppo's: choose the algorithm recurrent_ppo"):
+        load_preset("ppo", LIMITS, "taught")
 
 
 # The drum's rate as action -----------------------------------------------------------------------
