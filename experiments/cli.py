@@ -169,8 +169,8 @@ def parser() -> Parser:
     train.add_argument(
         "--preset",
         metavar="KIND|FILE|zoo:NAME",
-        help="kind of agent (residual, estimate, rate beside a designed controller, taught by one), or a YAML "
-        "file of settings; learning from the sensors if not given",
+        help="kind of agent (residual, estimate, rate beside a designed controller, taught by one), or a "
+        "YAML file of settings; learning from the sensors if not given",
     )
     train.add_argument("--seed", type=parsers.seed, default=0, metavar="N", help="seed of the training (0)")
     train.add_argument("--steps", type=parsers.count, metavar="N", help="environment steps (the preset's)")
