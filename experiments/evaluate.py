@@ -161,6 +161,7 @@ def contested(
     *,
     warm_up: float | None = None,
     dtype: str = "float64",
+    oracle: bool = False,
     folder: Path | None = None,
     progress: Callable[[str, str, int, int], None] | None = None,
 ) -> Cell:
@@ -172,6 +173,7 @@ def contested(
         seeds: One seed per sea.
         warm_up: Time left out at the start [s]; None: the protocol's.
         dtype: Precision of the plant.
+        oracle: Whether those run too who know what each episode draws.
         folder: Where each part is kept as it is finished, and taken from; None: nowhere.
         progress: Called with scenario, label, steps done since the last call and steps in all.
     """
@@ -186,6 +188,7 @@ def contested(
         seeds,
         warm_up=warm_up,
         dtype=dtype,
+        oracle=oracle,
         n_stored=0,
         folder=folder,
         progress=report,

@@ -16,7 +16,7 @@ from agents import zoo
 from agents.zoo import ZooAgent
 from experiments.compare import entry_of, protocol_duration
 from experiments.evaluate import contested
-from experiments.leaderboard import Cell, Quantity, quantities
+from experiments.leaderboard import Cell, Quantity, Result, quantities
 from experiments.report import significant
 from experiments.results import Entry
 from experiments.rollout import with_duration
@@ -102,27 +102,24 @@ def measure(
         if progress is not None:
             progress(scenario.name, "designs", 1, len(entries))
     seeds = range(FIRST_CARD_SEED, FIRST_CARD_SEED + n_seas)
-    cell = contested(timed, entries, seeds, folder=work, progress=progress)
+    oracle = bool(scenario.uncertainty)
+    cell = contested(timed, entries, seeds, oracle=oracle, folder=work, progress=progress)
     return zoo.remember_results(agent.name, _results(agent, cell, seeds))
 
 
 def _results(agent: ZooAgent, cell: Cell, seeds: range) -> dict[str, Any]:
     """What a card holds of a contest between an agent and its rivals."""
     rivals = [name for name in cell.results if name != agent.name]
-    found = {rival: quantities(cell, agent.name, rival) for rival in rivals}
-    whole = next(iter(found.values()), None) or quantities(cell, agent.name, agent.name)
+    oracles = list(cell.contest.oracles)
     result = cell.results[agent.name]
-    each = {}
-    for i, seed in enumerate(agent.seeds):
-        alone = quantities(cell, agent.name, agent.name, result.training(i))
-        each[str(seed)] = _numbers(alone) | {
-            "ratios": {
-                rival: _plain(
-                    quantities(cell, agent.name, rival, result.training(i))[f"cost_ratio_to_{rival}"]
-                )
-                for rival in rivals
-            }
-        }
+
+    def row(training: Result | None) -> dict[str, Any]:
+        # Ratios to oracles are there whoever the reference is.
+        found = {rival: quantities(cell, agent.name, rival, training) for rival in (*rivals, agent.name)}
+        ratios = {rival: found[rival][f"cost_ratio_to_{rival}"] for rival in rivals}
+        ratios |= {name: found[agent.name][f"cost_ratio_to_{name}"] for name in oracles}
+        return _numbers(found[agent.name]) | {"ratios": {name: _plain(item) for name, item in ratios.items()}}
+
     part = cell.contest.part
     return {
         "first_sea": seeds.start,
@@ -131,9 +128,8 @@ def _results(agent: ZooAgent, cell: Cell, seeds: range) -> dict[str, Any]:
         "scored": part.scored,
         "commit": commit(),
         "date": datetime.now(UTC).isoformat(timespec="seconds"),
-        "agent": _numbers(whole)
-        | {"ratios": {rival: _plain(found[rival][f"cost_ratio_to_{rival}"]) for rival in rivals}},
-        "trainings": each,
+        "agent": row(None),
+        "trainings": {str(seed): row(result.training(i)) for i, seed in enumerate(agent.seeds)},
         "rivals": {rival: _numbers(quantities(cell, rival, rival)) for rival in rivals},
     }
 

@@ -18,7 +18,8 @@ pytest.importorskip("stable_baselines3")
 
 from agents import zoo
 from agents.policy import canonical, load_policy, sha256
-from agents.train import train
+from agents.train import train, validation
+from baselines.oracle import oracle
 from experiments.rollout import rollout
 from heave_env import scenarios
 
@@ -321,6 +322,20 @@ def test_every_shipped_agent_is_whole_and_fits_its_scenario():
             assert action.shape == (2, 1) and np.isfinite(action).all(), spec
             weights = (agent.policy_folder(seed) / "policy.safetensors").read_bytes()
             assert sha256(weights) == agent.training(seed)["weights_sha256"], spec
+
+
+@pytest.mark.slow
+def test_who_sees_sensors_alone_comes_near_who_knows_what_was_drawn():
+    """The shipped agents of `unknown_linear` in 256 seas that neither training nor card has seen."""
+    scenario, first, n_seas = scenarios.load("unknown_linear"), 10_400_000, 256
+    given = {"n_seas": n_seas, "duration": 200.0, "first_sea": first}
+    knows = validation(oracle(scenario, range(first, first + n_seas)), scenario, **given)["cost_mean"]
+    for spec in zoo.read("unknown_linear-sensors").specs():
+        policy = zoo.load_agent(spec, scenario)
+        found = validation(policy, policy.scenario, **given)
+        print(f"{spec}: {found['cost_mean'] / knows:.3f} of the oracle, largest {found['cost_max']:.3g}")
+        assert found["failed"] == 0.0 and found["cost_max"] < 2.0
+        assert found["cost_mean"] < 1.3 * knows
 
 
 def test_a_card_does_not_tell_where_a_training_lay():
