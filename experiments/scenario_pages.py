@@ -77,6 +77,12 @@ NOTES: dict[str, Note] = {
         "an agent that learns what can be learnt comes to it.",
         (*THESIS_SEA, THESIS_PAYLOAD, "noise of density 1e-6 and q = 554 (H 6.3.6); lag 1 s (H 6.3.6)"),
     ),
+    "delay_linear": Note(
+        "linear",
+        "The gate with a delay and the sensors of the other contests: the optimum is known, and an agent "
+        "that sees the sensors alone must find the state behind them.",
+        (*THESIS_SEA, THESIS_PAYLOAD, "delay, noise and weights are ours"),
+    ),
     "limits_linear": Note(
         "limits",
         "The contest where a winch is too weak: certainty equivalence fails, and planning or learning pays.",
