@@ -10,6 +10,8 @@ import subprocess
 import sys
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
+from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -142,6 +144,20 @@ def test_seeds_may_come_one_by_one_and_at_once(empty, runs):
     assert zoo.read(NAME).seeds == (0, 1)
     zoo.add([runs["other"]], "another-gamma")
     assert zoo.names() == ("another-gamma", NAME)
+
+
+@pytest.mark.parametrize(
+    ("guide", "preset", "kind"),
+    [
+        (None, {}, "sensors"),
+        ({"mode": "rate"}, {}, "rate"),
+        ({"mode": "rate"}, {"guide_shown": True}, "rate"),
+        ({"mode": "rate"}, {"guide_shown": False}, "sensors"),
+    ],
+)
+def test_a_kind_is_what_the_agent_sees(guide, preset, kind):
+    policy: Any = SimpleNamespace(card={"guide": guide})
+    assert zoo.Run(Path("run"), {"preset": preset}, policy).kind == kind
 
 
 @pytest.mark.parametrize(

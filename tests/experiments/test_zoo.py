@@ -16,6 +16,7 @@ pytest.importorskip("safetensors")
 
 from agents import zoo
 from agents.policy import Architecture, TrainedPolicy, load_policy, policy_card, save_policy
+from baselines.oracle import oracle
 from experiments import cli
 from experiments import zoo as results
 from experiments.compare import ZOO_PREFIX, check_specs, content_hash, controller_of
@@ -107,6 +108,25 @@ def costs_of(path: Path, column: str) -> dict[str, list[float]]:
 
 
 # The list, the card, and what is measured ---------------------------------------------------------
+
+
+def test_where_parameters_are_drawn_the_card_knows_who_knows_them(tmp_path, monkeypatch):
+    """The ratio to the oracle is that of the means in the same seas."""
+    scenario = load("unknown_linear")
+    monkeypatch.setattr(zoo, "FOLDER", tmp_path / "zoo")
+    agent = zoo.add([run_folder(tmp_path / f"run_{seed}", seed, scenario) for seed in (0, 1)])
+    measured = results.measure(agent, n_seas=3, duration=20.0, rivals=("lqg",), work=tmp_path / "work")
+    found = measured.card["results"]
+    assert list(found["agent"]["ratios"]) == ["lqg", "oracle"]
+    seeds = range(results.FIRST_CARD_SEED, results.FIRST_CARD_SEED + 3)
+    knows = rollout(scenario, oracle(scenario, seeds), seeds, duration=20.0)
+    own = scores(knows, window(20.0, scenario.control_dt, found["warm_up"]))["cost"].mean()
+    assert found["agent"]["ratios"]["oracle"]["value"] == pytest.approx(
+        found["agent"]["cost"]["value"] / own, rel=1e-6
+    )
+    for row in found["trainings"].values():
+        assert row["ratios"]["oracle"]["value"] == pytest.approx(row["cost"]["value"] / own, rel=1e-6)
+    assert "of oracle" in results.ratios_text(measured)
 
 
 def test_the_list_and_the_card_tell_the_agents(capsys):
