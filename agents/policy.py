@@ -140,6 +140,10 @@ class TrainedPolicy:
         """The scenario it was trained in, with the information set it sees."""
         self.name: str = str(self.card["algorithm"])
         self.information_set: str = self.scenario.information_set
+        self.history_lags: tuple[int, ...] | None = None
+        """Ages of the samples that it sees, if it sees a history [control steps]."""
+        if self.information_set == "sensors_history":
+            self.history_lags = self.scenario.history_lags
         self.measures: tuple[str, ...] = tuple(sensor.channel for sensor in self.scenario.observed_sensors)
         self.guide: Guide | None = None
         """The designed controller beside it."""

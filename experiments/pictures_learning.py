@@ -20,6 +20,7 @@ from experiments import figures, runs
 from experiments.kept import kept_file, read_kept, write_kept
 from experiments.pictures import Picture
 from experiments.statistics import interquartile_mean
+from heave_env.controller import shown_to
 from heave_env.scenarios import Scenario, from_mapping, load, names
 
 Array = np.ndarray
@@ -235,7 +236,7 @@ def rivals_of(given: Sequence[str], training: Training, folder: Path) -> dict[st
         arrays = read_kept(path, identity)
         if arrays is None:
             entry = entry_of(labels[spec], spec, scenario)
-            seen = dataclasses.replace(scenario, information_set=entry.information_set)
+            seen = shown_to(entry.controller, scenario, entry.information_set)
             told = validation(entry.controller, seen, n_seas=n_seas, duration=duration)
             arrays = {name: np.array(value) for name, value in told.items()}
             write_kept(path, identity, arrays)

@@ -19,7 +19,7 @@ import numpy as np
 
 from experiments import figures, runs
 from experiments.pictures import Progress, write_about
-from heave_env.controller import Controller
+from heave_env.controller import Controller, shown_to
 from heave_env.env import HeaveEnv
 from heave_env.render import FrameData, draw_scene
 from heave_env.scenarios import Scenario
@@ -71,8 +71,7 @@ def take(scenario: Scenario, label: str, controller: Controller, seed: int, firs
     Raises:
         ValueError: If the episode ends before the film does.
     """
-    sees = getattr(controller, "information_set", None)
-    env = HeaveEnv(scenario, render_mode="rgb_array", information_set=sees)
+    env = HeaveEnv(shown_to(controller, scenario), render_mode="rgb_array")
     names = (*CHANNELS, *(() if scenario.is_linear else ("sheave_tension",)))
     series: dict[str, list[float]] = {name: [] for name in (*names, "length")}
     tensions: list[Array | None] = []

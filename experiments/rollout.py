@@ -16,7 +16,7 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
-from heave_env.controller import Controller
+from heave_env.controller import Controller, shown_to
 from heave_env.scenarios import Scenario, whole_number_of
 from heave_env.sensors import CABLE_CHANNELS, CHANNELS
 
@@ -163,8 +163,8 @@ def rollout(
         seeds: One seed per sea, at least one.
         duration: Length of the episodes [s]; None: the scenario's.
         dtype: Precision of the plant, `float64` or `float32`.
-        information_set: What the controller sees; None: what it says itself by an attribute of this
-            name, or else the scenario's.
+        information_set: What the controller sees; None: what it says itself, or else the scenario's; see
+            `heave_env.controller.shown_to`.
         progress: Called after each control step with the number of seas stepped.
 
     Returns:
@@ -177,13 +177,8 @@ def rollout(
 
     if len(seeds) == 0:
         raise ValueError("a rollout needs at least one seed, got none")
-    scenario = with_duration(scenario, duration)
-    env = HeaveVectorEnv(
-        scenario,
-        num_envs=len(seeds),
-        dtype=dtype,
-        information_set=information_set or getattr(controller, "information_set", None),
-    )
+    shown = shown_to(controller, with_duration(scenario, duration), information_set)
+    env = HeaveVectorEnv(shown, num_envs=len(seeds), dtype=dtype)
     try:
         return _recorded(env, controller, [int(seed) for seed in seeds], progress)
     finally:

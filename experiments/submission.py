@@ -14,6 +14,7 @@ from typing import Any
 
 import numpy as np
 
+from heave_env.controller import shown_to
 from heave_env.scenarios import Scenario
 
 Array = np.ndarray
@@ -30,6 +31,7 @@ class Submission:
         self.path, self.inner = path, inner
         self.name = str(getattr(inner, "name", Path(path).stem))
         self.information_set: str | None = getattr(inner, "information_set", None)
+        self.history_lags: tuple[int, ...] | None = getattr(inner, "history_lags", None)
         self.measures: tuple[str, ...] = tuple(getattr(inner, "measures", ()))
 
     def predict(
@@ -121,7 +123,7 @@ def _try(made: Submission, scenario: Scenario) -> None:
     from heave_env.env import HeaveVectorEnv
 
     try:
-        env = HeaveVectorEnv(scenario, num_envs=2, information_set=made.information_set)
+        env = HeaveVectorEnv(shown_to(made, scenario), num_envs=2)
     except ValueError as error:
         raise _refused(made.path, str(error)) from error
     try:

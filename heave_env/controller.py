@@ -2,9 +2,13 @@
 
 from __future__ import annotations
 
-from typing import Any, Protocol
+import dataclasses
+from typing import TYPE_CHECKING, Any, Protocol
 
 import numpy as np
+
+if TYPE_CHECKING:
+    from heave_env.scenarios import Scenario
 
 
 class Controller(Protocol):
@@ -24,6 +28,23 @@ class Controller(Protocol):
     ) -> tuple[np.ndarray, Any | None]:
         """Returns actions in [-1, 1], shape `(n_envs, 1)`, and the memory."""
         ...
+
+
+def shown_to(controller: Any, scenario: Scenario, information_set: str | None = None) -> Scenario:
+    """The scenario showing what a controller wants to see.
+
+    Args:
+        controller: What acts; its attributes `information_set` and `history_lags` say what it sees, where it
+            has them.
+        scenario: The operation.
+        information_set: What it is to see whatever it says; None: what it says, or else the scenario's.
+    """
+    wanted = {
+        "information_set": information_set or getattr(controller, "information_set", None),
+        "history_lags": getattr(controller, "history_lags", None),
+    }
+    given = {name: value for name, value in wanted.items() if value is not None}
+    return dataclasses.replace(scenario, **given) if given else scenario  # type: ignore[arg-type]
 
 
 class NoControl:

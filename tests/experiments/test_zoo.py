@@ -7,6 +7,7 @@ import json
 import os
 import subprocess
 import sys
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -108,6 +109,28 @@ def costs_of(path: Path, column: str) -> dict[str, list[float]]:
 
 
 # The list, the card, and what is measured ---------------------------------------------------------
+
+
+def test_an_agent_with_lags_of_its_own_sees_them_wherever_it_acts(capsys, tmp_path):
+    """In a contest, alone, on a picture, and as a submission of another."""
+    seen = replace(SCENARIO, information_set="sensors_history", history_lags=(0, 3))
+    assert len(seen.observation_names) != len(
+        replace(SCENARIO, information_set="sensors_history").observation_names
+    )
+    folder = run_folder(tmp_path / "run", 0, seen)
+    trajectory = rollout(SCENARIO, load_policy(folder), range(3), duration=5.0)
+    wider = rollout(seen, load_policy(folder), range(3), duration=5.0)
+    np.testing.assert_array_equal(trajectory.states["payload_heave"], wider.states["payload_heave"])
+    made = tmp_path / "mine.py"
+    made.write_text(
+        "from agents.policy import load_policy\n\n\n"
+        f"def controller(scenario):\n    return load_policy({str(folder)!r})\n"
+    )
+    asked = ["thesis_linear", "--controllers", f"none,agent:{folder},mine=file:{made}", "--seeds", "2"]
+    code, _, err = run(capsys, "league", *asked, *SHORT, "--variants", "nominal", "--out", tmp_path / "out")
+    assert code == 0, err
+    summary = json.loads((tmp_path / "out" / "leaderboard.json").read_text(encoding="utf-8"))
+    assert summary["scenarios"]["thesis_linear"]["left_out"] == {}
 
 
 def test_where_parameters_are_drawn_the_card_knows_who_knows_them(tmp_path, monkeypatch):
