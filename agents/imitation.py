@@ -351,9 +351,14 @@ def _fit_episodes(
     optimiser: torch.optim.Optimizer,
 ) -> None:
     """Fits a network with a memory to whole episodes, some side by side, a chunk at a time."""
-    n_steps = min(len(lesson.seen) for lesson in lessons)
+    # A lesson in which every operation failed is shorter; what is missing does not count.
+    n_steps = max(len(lesson.seen) for lesson in lessons)
+
+    def whole(part: np.ndarray) -> np.ndarray:
+        return np.pad(part, ((0, n_steps - len(part)), *((0, 0),) * (part.ndim - 1)))
+
     x, y, counts = (
-        torch.as_tensor(np.concatenate([part[:n_steps] for part in parts], axis=1))
+        torch.as_tensor(np.concatenate([whole(part) for part in parts], axis=1))
         for parts in zip(*((lesson.seen, lesson.wanted, lesson.counts) for lesson in lessons), strict=True)
     )
     size = float(y[..., 0][counts].std()) + 1e-6

@@ -18,7 +18,8 @@ from agents.guided_env import surroundings
 from agents.policy import load_policy
 from agents.presets import load_preset
 from agents.teachers import school
-from agents.train import first_training_sea, train, validation
+from agents.train import Groundwork, build_model, first_training_sea, train, validation
+from agents.vec_env import HeaveVecEnv, ScaledReward
 from baselines import design
 from baselines.oracle import oracle
 from heave_env import scenarios
@@ -195,6 +196,27 @@ def test_the_teacher_takes_over_where_the_agent_misses_it(small, tmp_path):
         assert share[0] <= taken <= share[1]
 
 
+def test_a_lesson_that_ended_early_leaves_the_others_whole(small):
+    """What lies behind its end in another lesson is still learned from."""
+    settings = load_preset("recurrent_ppo", LINEAR, RECURRENT)
+    env = ScaledReward(HeaveVecEnv(LINEAR, settings.n_envs, info=False), gamma=0.98)
+    n = len(LINEAR.observation_names)
+    model = build_model(settings, env, Groundwork(np.eye(n), np.zeros(n)), seed=0)
+    rng = np.random.default_rng(0)
+
+    def lesson(n_steps: int, first: int) -> imitation.Lesson:
+        shape = (n_steps, 8)
+        seen, wanted = rng.normal(size=(*shape, n)), np.zeros((*shape, 4))
+        wanted[..., 0] = rng.normal(0.0, 0.1, shape)
+        counts = np.broadcast_to((np.arange(n_steps) >= first)[:, None], shape).copy()
+        return imitation.Lesson(seen.astype(np.float32), wanted.astype(np.float32), counts)
+
+    course = imitation.Course(rng, torch.Generator().manual_seed(0), [lesson(120, 60), lesson(20, 20)])
+    before = model.policy.action_net.weight.detach().clone()
+    imitation._fit(model, course, 1)
+    assert not torch.equal(before, model.policy.action_net.weight)
+
+
 def test_no_two_seeds_are_taught_in_one_sea():
     settings = load_preset("recurrent_ppo", UNKNOWN, "taught")
     taught = settings.lessons * settings.lesson_seas
@@ -209,8 +231,6 @@ def test_a_training_of_nothing_is_refused():
 
 def test_an_imitation_in_which_nothing_lasts_is_refused(tmp_path, small, monkeypatch):
     """Every sea fails before anything is learned from."""
-    from agents.vec_env import HeaveVecEnv
-
     step_wait = HeaveVecEnv.step_wait
 
     def failing(self):
