@@ -51,7 +51,7 @@ from agents.run_folder import (
 from agents.teachers import school
 from agents.vec_env import HeaveVecEnv, ScaledReward
 from heave_env import scenarios
-from heave_env.controller import Controller
+from heave_env.controller import Controller, shown_to
 from heave_env.env import HeaveVectorEnv
 from heave_env.files import write_atomic
 from heave_env.provenance import command_line
@@ -115,7 +115,7 @@ def train(
     """
     chosen = scenarios.load(scenario)
     settings = _settings(algorithm, chosen, preset, total_steps, n_envs)
-    seen = _seen(chosen, settings)
+    seen = shown_to(settings, chosen)
     first_sea = first_training_sea(seed, settings)
     folder = Path(out) if out is not None else Path("runs") / f"{chosen.name}-{algorithm}-{seed}"
     identity = {
@@ -163,16 +163,6 @@ def _settings(
         key: value for key, value in (("total_steps", total_steps), ("n_envs", n_envs)) if value is not None
     }
     return dataclasses.replace(settings, **given)  # type: ignore[arg-type]
-
-
-def _seen(scenario: Scenario, settings: Preset) -> Scenario:
-    """The scenario as the agent sees it."""
-    changes: dict[str, Any] = {}
-    if settings.information_set is not None:
-        changes["information_set"] = settings.information_set
-    if settings.history_lags is not None:
-        changes["history_lags"] = settings.history_lags
-    return dataclasses.replace(scenario, **changes)
 
 
 def first_training_sea(seed: int, settings: Preset) -> int:

@@ -34,8 +34,8 @@ def shown_to(controller: Any, scenario: Scenario, information_set: str | None = 
     """The scenario showing what a controller wants to see.
 
     Args:
-        controller: What acts; its attributes `information_set` and `history_lags` say what it sees, where it
-            has them.
+        controller: What acts, or the settings that one is trained with; its attributes `information_set` and
+            `history_lags` say what it sees, where it has them.
         scenario: The operation.
         information_set: What it is to see whatever it says; None: what it says, or else the scenario's.
     """
