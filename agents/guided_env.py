@@ -15,6 +15,7 @@ from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvStepReturn
 
 from agents.guide import Guide, Look
+from agents.tension_cost import TensionCost
 from agents.vec_env import HeaveVecEnv
 from heave_env.env import HeaveVectorEnv
 from heave_env.plant import truth_names
@@ -166,10 +167,16 @@ def command_given(env: VecEnv, command_range: float) -> Array:
 
 
 def surroundings(
-    scenario: Scenario, n_envs: int, guide: Guide | None, *, privileged: bool
+    scenario: Scenario,
+    n_envs: int,
+    guide: Guide | None,
+    *,
+    privileged: bool,
+    tension_cost: TensionCost | None = None,
 ) -> tuple[HeaveVecEnv, HeaveVecEnv | GuidedVecEnv | PrivilegedVecEnv]:
     """The native batch, and what an algorithm meets: the batch with a guide and the truth, as asked for."""
     batch = HeaveVecEnv(scenario, n_envs, info=False, autoreset_mode=AutoresetMode.SAME_STEP)
+    batch.tension_cost = tension_cost
     outer: HeaveVecEnv | GuidedVecEnv | PrivilegedVecEnv = batch
     if guide is not None:
         outer = GuidedVecEnv(outer, guide)

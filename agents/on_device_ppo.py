@@ -493,7 +493,7 @@ def _settings(
     n_envs: int | None,
 ) -> Preset:
     settings = load_preset("ppo", scenario, preset)
-    for key in ("guide", "teacher", "privileged_critic", "logarithmic_reward"):
+    for key in ("guide", "teacher", "privileged_critic", "logarithmic_reward", "tension_cost"):
         if getattr(settings, key):
             raise ValueError(
                 f"preset key {key!r} is not for a training on the device: leave it out, or use heave train"

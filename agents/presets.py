@@ -14,6 +14,7 @@ from pathlib import Path
 from typing import Any
 
 from agents.guide import MODES
+from agents.tension_cost import TensionCost
 from heave_env.parameters import name_hint, require, require_integer, require_number
 from heave_env.scenarios import Scenario
 from heave_env.sensors import INFORMATION_SETS
@@ -66,6 +67,11 @@ class Preset:
     logarithmic_reward: bool = False
     """Whether the logarithm of the stage cost is learned from: where parameters are unknown a few rough
     episodes would rule the mean."""
+    tension_cost: float = 0.0
+    """What the agent is charged in training for high tensions in the cable, `TensionCost.weight` [-]; the
+    policy that is kept is the best by the cost with this charge. 0: nothing."""
+    tension_above: float = 1.0
+    """From where on, in tensions of the line at rest [-]."""
     teacher: str | None = None
     """Whose commands the actor is fitted to before it learns: a designed controller with a Kalman filter, or
     `oracle` or `oracle_mpc`, who know what each episode drew; null: nobody's."""
@@ -153,7 +159,7 @@ class Preset:
             "evaluation_duration",
         ):
             require_number(self, field, positive=True)
-        for field in ("final_learning_rate", "burn_in"):
+        for field in ("final_learning_rate", "burn_in", "tension_cost", "tension_above"):
             require_number(self, field, non_negative=True)
         for field in ("warm_start", "guide_shown", "privileged_critic", "logarithmic_reward"):
             require(isinstance(getattr(self, field), bool), self, field, "true or false")
@@ -183,6 +189,13 @@ class Preset:
             widths = getattr(self, field)
             ok = isinstance(widths, tuple) and all(isinstance(n, int) and n > 0 for n in widths)
             require(ok and len(widths) > 0, self, field, "a list of positive whole numbers")
+
+    @property
+    def charge(self) -> TensionCost | None:
+        """What the agent is charged beside the task's cost."""
+        if self.tension_cost == 0.0:
+            return None
+        return TensionCost(weight=self.tension_cost, above=self.tension_above)
 
     def to_mapping(self) -> dict[str, Any]:
         """The preset as plain JSON values."""

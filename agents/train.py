@@ -49,6 +49,7 @@ from agents.run_folder import (
     tensorboard,
 )
 from agents.teachers import school
+from agents.tension_cost import TensionCost, require_cable
 from agents.vec_env import HeaveVecEnv, ScaledReward
 from heave_env import scenarios
 from heave_env.controller import Controller, shown_to
@@ -115,6 +116,8 @@ def train(
     """
     chosen = scenarios.load(scenario)
     settings = _settings(algorithm, chosen, preset, total_steps, n_envs)
+    if settings.charge is not None:
+        require_cable(chosen)
     seen = shown_to(settings, chosen)
     first_sea = first_training_sea(seed, settings)
     folder = Path(out) if out is not None else Path("runs") / f"{chosen.name}-{algorithm}-{seed}"
@@ -490,7 +493,11 @@ class _Training:
         saved = checkpoint.load_state(run.state_folder) if checkpoint.has_state(run.state_folder) else None
         guide = self._guide()
         batch, outer = surroundings(
-            self.scenario, settings.n_envs, guide, privileged=settings.privileged_critic
+            self.scenario,
+            settings.n_envs,
+            guide,
+            privileged=settings.privileged_critic,
+            tension_cost=settings.charge,
         )
         env = ScaledReward(
             outer,
@@ -738,6 +745,7 @@ class _Supervisor(BaseCallback):
             self.training.scenario,
             n_seas=self.settings.evaluation_seas,
             duration=self.settings.evaluation_duration,
+            tension_cost=self.settings.charge,
         )
         best = min((old["cost_mean"] for old in self.evaluations), default=math.inf)
         self.evaluations.append(row)
@@ -871,6 +879,7 @@ def validation(
     n_seas: int,
     duration: float,
     first_sea: int = FIRST_VALIDATION_SEED,
+    tension_cost: TensionCost | None = None,
 ) -> dict[str, float]:
     """How a controller does on validation seas, the first half of each episode left out.
 
@@ -880,10 +889,11 @@ def validation(
         n_seas: Validation seas.
         duration: Length of the episodes, at most the scenario's own [s].
         first_sea: Seed of the first sea.
+        tension_cost: What is charged for high tensions beside the task's cost.
 
     Returns:
-        Mean, median and largest stage cost over the seas [-], standard deviations of payload heave and
-        command [m], and the seas in which the operation failed [-].
+        Mean, median and largest stage cost over the seas with that charge [-], standard deviations of payload
+        heave and command [m], and the seas in which the operation failed [-].
     """
     n_steps = max(2, min(scenario.n_steps, round(duration / scenario.control_dt)))
     env = HeaveVectorEnv(scenario, n_seas, max_episode_steps=n_steps, autoreset_mode=AutoresetMode.DISABLED)
@@ -897,6 +907,8 @@ def validation(
         observation, reward, terminated, _, info = env.step(action)
         count = running & (terminated | (step >= n_steps // 2))
         cost[count] -= reward[count]
+        if tension_cost is not None:
+            cost[count] += tension_cost.of(env)[count]
         heave[count] += info["payload_heave"][count] ** 2
         command[count] += info["command"][count] ** 2
         scored[count] += 1
@@ -922,5 +934,12 @@ def card_seas(policy: TrainedPolicy, scenario: Scenario, settings: Preset) -> di
     """How the policy that a training kept does on validation seas that chose nothing, for the run's card."""
     duration = min(settings.evaluation_duration, scenario.duration)
     n_seas, first_sea = settings.evaluation_seas, FIRST_CARD_SEED
-    found = validation(policy, scenario, n_seas=n_seas, duration=duration, first_sea=first_sea)
+    found = validation(
+        policy,
+        scenario,
+        n_seas=n_seas,
+        duration=duration,
+        first_sea=first_sea,
+        tension_cost=settings.charge,
+    )
     return {"n_seas": n_seas, "first_sea": first_sea, "duration": duration, **found}

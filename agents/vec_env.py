@@ -12,6 +12,7 @@ from gymnasium.vector import AutoresetMode
 from stable_baselines3.common.vec_env import VecEnv, VecEnvWrapper
 from stable_baselines3.common.vec_env.base_vec_env import VecEnvIndices, VecEnvStepReturn
 
+from agents.tension_cost import TensionCost
 from heave_env.env import HeaveVectorEnv, StepInfo
 from heave_env.scenarios import Scenario
 
@@ -52,6 +53,8 @@ class HeaveVecEnv(VecEnv):
                 "autoreset_mode=AutoresetMode.SAME_STEP"
             )
         self.env = env
+        self.tension_cost: TensionCost | None = None
+        """What is charged for high tensions on top of the task's cost."""
         self._actions: np.ndarray | None = None
         self._names: frozenset[str] = frozenset()
         super().__init__(env.num_envs, env.single_observation_space, env.single_action_space)
@@ -90,6 +93,8 @@ class HeaveVecEnv(VecEnv):
         """Steps the batch; rewards are float32, as Stable-Baselines3's buffers are."""
         observation, reward, terminated, truncated, info = self.env.step(self._actions)
         done = terminated | truncated
+        if self.tension_cost is not None:  # a row that is done shows its next episode's rest
+            reward = reward - np.where(done, 0.0, self.tension_cost.of(self.env))
         infos = self._info_rows(info)
         if np.count_nonzero(done):
             final = info.get("final_info", {})

@@ -219,13 +219,27 @@ def _predictive_weights(name: str, scenario: Scenario) -> dict[str, float]:
     operation = tuning_scenario(scenario)
     q, r = scenario.task.position_weight, scenario.task.command_weight
     least, chosen = math.inf, dict(of_filter)
+
+    def helps(**changes: float) -> bool:
+        nonlocal least, chosen
+        trial = chosen | changes
+        cost = training_cost(operation, mpc(scenario, **trial), limit=least)
+        if cost >= least:
+            return False
+        least, chosen = cost, trial
+        return True
+
     # At last with the weights of `lqg`, than which it should never be worse.
     own = (of_filter["command_weight"] / r, of_filter["speed_weight"] / q)
     for factor, speed in (*PREDICTIVE_WEIGHTS, own):
-        trial = of_filter | {"command_weight": factor * r, "speed_weight": speed * q}
-        cost = training_cost(operation, mpc(scenario, **trial), limit=least)
-        if cost < least:
-            least, chosen = cost, trial
+        helps(command_weight=factor * r, speed_weight=speed * q)
+    gridded = chosen["command_weight"]
+    while helps(command_weight=10.0 * chosen["command_weight"]):
+        pass
+    if chosen["command_weight"] > gridded:
+        middle = chosen["command_weight"]
+        if not helps(command_weight=10.0**0.5 * middle):
+            helps(command_weight=10.0**-0.5 * middle)
     return chosen
 
 

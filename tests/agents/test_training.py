@@ -370,6 +370,8 @@ def test_every_scenario_has_a_preset(algorithm, name):
         ({"information_set": "everything"}, "one of full_state"),
         ({"options": 3}, "mapping"),
         ({"n_envs": 0}, "at least 1"),
+        ({"tension_cost": -1.0}, "tension_cost must be"),
+        ({"tension_cost": 10.0}, "needs a cable, and the payload of 'thesis_linear' is linear"),
     ],
 )
 def test_bad_settings_are_refused(tmp_path, overrides, message):

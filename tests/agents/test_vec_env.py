@@ -13,6 +13,7 @@ from stable_baselines3.common.evaluation import evaluate_policy
 from stable_baselines3.common.monitor import Monitor
 from stable_baselines3.common.vec_env import VecCheckNan, VecMonitor
 
+from agents.tension_cost import TensionCost
 from agents.vec_env import HeaveVecEnv, ScaledReward
 from heave_env import scenarios
 from heave_env.controller import NoControl
@@ -136,6 +137,26 @@ def test_stable_baselines_evaluates_any_controller():
     env.seed(3)
     mean, _ = evaluate_policy(NoControl(), env, n_eval_episodes=4)  # type: ignore[arg-type]
     assert mean < 0.0
+
+
+def test_high_tensions_are_charged_on_top_of_the_task():
+    """Snapping wire beside its twin without the charge, through the end of an episode."""
+    snap, charge = scenarios.load("snap"), TensionCost(weight=50.0, above=1.5)
+    charged, free = (HeaveVecEnv(snap, 3, max_episode_steps=60) for _ in range(2))
+    charged.tension_cost = charge
+    for env in (charged, free):
+        env.seed(0)
+        env.reset()
+    owed = []
+    for step in range(75):
+        reward, done, infos = charged.step(ZERO)[1:]
+        plain = free.step(ZERO)[1]
+        tension = np.array([info["tension_max"] for info in infos])
+        expected = 50.0 * np.maximum(tension / snap.static_tension - 1.5, 0.0) ** 2
+        assert done.all() == (step == 59)
+        np.testing.assert_allclose(plain - reward, 0.0 if done.all() else expected, rtol=1e-5, atol=1e-4)
+        owed.append(expected.max())
+    assert max(owed) > 100.0 and min(owed) == 0.0
 
 
 # The reward's scale ------------------------------------------------------------------------------

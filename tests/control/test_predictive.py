@@ -11,7 +11,7 @@ from baselines import design
 from baselines.clairvoyant import clairvoyant_cost
 from baselines.lqg import LimitedStochasticOptimal, lqg
 from baselines.mpc import assumed_energy_weight, mpc, mpc_l1, plan
-from baselines.tuning import tuning_scenario
+from baselines.tuning import training_cost, tuned_weights, tuning_scenario
 from experiments.metrics import mean_cost, window
 from experiments.rollout import FIRST_TEST_SEED, rollout
 from heave_env.scenarios import load, with_value
@@ -254,6 +254,20 @@ def test_tuned_predictive_control_is_at_least_as_good_as_the_tuned_clipped_desig
         difference = costs["mpc"] - costs["lqg"]
         assert difference.mean() < 3.0 * difference.std(ddof=1) / 8.0
         assert tuning_scenario(scenario).n_steps <= scenario.n_steps
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["snap", "limits_linear"])
+def test_no_heavier_command_betters_the_tuned_plan(name):
+    scenario = load(name)
+    operation, tuned = tuning_scenario(scenario), tuned_weights("mpc", mpc, scenario, {})
+    heavier = (1.0, 10.0**0.5, 10.0)
+    costs = [
+        training_cost(operation, mpc(scenario, **{**tuned, "command_weight": f * tuned["command_weight"]}))
+        for f in heavier
+    ]
+    print(f"{name}: {tuned}, cost with a command {', '.join(f'{f:.3g}' for f in heavier)} as heavy {costs}")
+    assert costs[0] == min(costs)
 
 
 @pytest.mark.slow
