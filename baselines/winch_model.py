@@ -24,6 +24,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from numba import njit
 
 from baselines.model import payload_model
 from heave_env.parameters import LinearPayload, Winch
@@ -33,6 +34,10 @@ from heave_env.sea import Array
 
 N_CORRECTIONS = 3
 """Rounds in which a command is found for a wanted rate [-]; each wins a factor K dt, forty or so."""
+
+Drum = tuple[float, float, float, float, float, float, bool, bool]
+"""A lag within limits as the compiled functions take it: rate constant, decay, solver step, largest speed,
+its largest change in a solver step, stroke, whether there are limits, and whether the rate cannot jump."""
 
 LEAST_MOVE = 1.001
 """Dead bands that a command is sent away from the drum to move it at all [-]."""
@@ -104,6 +109,25 @@ class WinchModel:
         return self.parameters.dead_band > 0.0 or self.parameters.command_step > 0.0
 
     @cached_property
+    def is_plain(self) -> bool:
+        """Whether it is a lag within limits of speed, acceleration and stroke, and no more."""
+        return not (self.parameters.is_driven or self.parameters.is_second_order)
+
+    @cached_property
+    def _plain(self) -> Drum:
+        """What the compiled functions take of such a winch."""
+        return (
+            self.rate_constant,
+            self.decay,
+            self.dt,
+            self.speed_limit,
+            self.acceleration_limit * self.dt,
+            self.stroke_limit,
+            self.is_limited,
+            self.ramps,
+        )
+
+    @cached_property
     def even(self) -> WinchModel:
         """The same winch without dead band and rounding."""
         return replace(self, parameters=replace(self.parameters, dead_band=0.0, command_step=0.0))
@@ -151,31 +175,10 @@ class WinchModel:
             u0: The command that acts [m], (n_rows,).
             tension: At the sheave [N], (n_rows,); that of the cable hanging still if not given.
         """
-        if self.parameters.is_driven or self.parameters.is_second_order:
-            return self._driven_step(u, v, u0, tension)
-        K, dt = self.rate_constant, self.dt
-        if not self.is_limited:
-            gap = (u0 - u) * self.decay
-            return u0 - gap, K * (u0 - u), K * gap
-        fastest = self.speed_limit
-        if self.ramps:
-            most = self.acceleration_limit * dt
-            wanted = np.clip(K * self.decay * (u0 - u), -fastest, fastest)
-            start, end = v, v + np.clip(wanted - v, -most, most)
-            new = u + 0.5 * dt * (start + end)
-        else:
-            way, direction = np.abs(u0 - u), np.sign(u0 - u)
-            start = direction * np.minimum(K * way, fastest)
-            if math.isfinite(fastest):
-                # At full speed down to the gap from which the lag asks for less, then along the lag.
-                full = np.clip((way - fastest / K) / fastest, 0.0, dt)
-                left = (way - fastest * full) * np.exp(-K * np.where(full < dt, dt - full, 0.0))
-            else:
-                left = way * self.decay
-            end = direction * np.minimum(K * left, fastest)
-            new = u0 - direction * left
-        kept = np.clip(new, -self.stroke_limit, self.stroke_limit)
-        return kept, start, np.where(kept == new, end, 0.0)
+        if self.is_plain:
+            n = len(u)
+            return _plain_steps(_floats(u, n), _floats(v, n), _floats(u0, n), self._plain)
+        return self._driven_step(u, v, u0, tension)
 
     def _driven_step(
         self, u: Array, v: Array, u0: Array, tension: Array | None
@@ -234,6 +237,10 @@ class WinchModel:
             Displacement and rate at the end, and the path as the payload meets it: displacement and rate at
             the start and the end of each solver step, (n_rows, 4 count).
         """
+        if self.is_plain:
+            n = len(u)
+            steps = (first, count, self.n_delayed, self.n_substeps)
+            return _plain_path(_floats(u, n), _floats(v, n), _floats(commands), self._plain, steps)
         path = np.empty((len(u), 4 * count))
         for i in range(count):
             acting = (first + i - self.n_delayed) // self.n_substeps
@@ -259,6 +266,10 @@ class WinchModel:
             return self.even.command_for_rate(u, v, rate, tension)
         if self.parameters.is_second_order:
             return self._drive_for_rate(u, v, rate, tension)
+        if self.is_plain:
+            n = len(u)
+            given = (_floats(u, n), _floats(v, n), _floats(rate, n))
+            return _plain_command(*given, self._plain, self.n_substeps, self.command_range)
         per_rate = 1.0 / (self.rate_constant * self.decay)
         _, up, down = self.capability(tension)
         most = np.where(rate > v, up, np.negative(down)) * self.dt
@@ -363,6 +374,99 @@ class WinchModel:
                 )
             gap = np.where(K * gap > fastest, fastest * t + fastest / K, gap)
         return np.asarray(np.clip(u + direction * gap, -self.command_range, self.command_range))
+
+
+# A lag within limits of speed, acceleration and stroke, compiled ---------------------------------------
+#
+# A designed controller takes a dozen of these steps for each decision, and a controller that does so for one
+# row at a time spends most of its time in them.
+
+
+def _floats(values: Array | float, n: int | None = None) -> Array:
+    """Values as the compiled functions take them, for `n` rows."""
+    found = np.ascontiguousarray(values, dtype=float)
+    return found if n is None or found.shape == (n,) else np.full(n, found)
+
+
+@njit(cache=True, error_model="numpy")
+def _within(value: float, limit: float) -> float:
+    return min(max(value, -limit), limit)
+
+
+@njit(cache=True, error_model="numpy")
+def _plain_step(u: float, v: float, u0: float, drum: Drum) -> tuple[float, float, float]:
+    """Displacement, its rate at the start and at the end of a solver step."""
+    K, decay, dt, fastest, most, stroke, limited, ramps = drum
+    if not limited:
+        gap = (u0 - u) * decay
+        return u0 - gap, K * (u0 - u), K * gap
+    if ramps:
+        wanted = _within(K * decay * (u0 - u), fastest)
+        start, end = v, v + _within(wanted - v, most)
+        new = u + 0.5 * dt * (start + end)
+    else:
+        way, direction = abs(u0 - u), np.sign(u0 - u)
+        start = direction * min(K * way, fastest)
+        if fastest < np.inf:
+            # At full speed down to the gap from which the lag asks for less, then along the lag.
+            full = min(max((way - fastest / K) / fastest, 0.0), dt)
+            left = (way - fastest * full) * np.exp(-K * (dt - full))
+        else:
+            left = way * decay
+        end = direction * min(K * left, fastest)
+        new = u0 - direction * left
+    kept = _within(new, stroke)
+    return kept, start, end if kept == new else 0.0
+
+
+@njit(cache=True, error_model="numpy")
+def _plain_steps(u: Array, v: Array, u0: Array, drum: Drum) -> tuple[Array, Array, Array]:
+    """The same row by row, (n_rows,) each."""
+    new, start, end = np.empty_like(u), np.empty_like(u), np.empty_like(u)
+    for row in range(len(u)):
+        new[row], start[row], end[row] = _plain_step(u[row], v[row], u0[row], drum)
+    return new, start, end
+
+
+@njit(cache=True, error_model="numpy")
+def _plain_path(
+    u: Array, v: Array, commands: Array, drum: Drum, steps: tuple[int, int, int, int]
+) -> tuple[Array, Array, Array]:
+    """`WinchModel.path`; `steps` holds first, count, n_delayed and n_substeps."""
+    first, count, n_delayed, n_substeps = steps
+    path = np.empty((len(u), 4 * count))
+    at, speed = u.copy(), v.copy()
+    for row in range(len(u)):
+        for i in range(count):
+            acting = (first + i - n_delayed) // n_substeps
+            new, start, end = _plain_step(at[row], speed[row], commands[row, -acting], drum)
+            path[row, 4 * i], path[row, 4 * i + 1] = at[row], start
+            path[row, 4 * i + 2], path[row, 4 * i + 3] = new, end
+            at[row], speed[row] = new, end
+    return at, speed, path
+
+
+@njit(cache=True, error_model="numpy")
+def _plain_command(
+    u: Array, v: Array, rate: Array, drum: Drum, n_substeps: int, command_range: float
+) -> Array:
+    """`WinchModel.command_for_rate`."""
+    K, decay, most = drum[0], drum[1], drum[4]
+    per_rate = 1.0 / (K * decay)
+    command = np.empty_like(u)
+    for row in range(len(u)):
+        u0 = u[row] + per_rate * rate[row]
+        for _ in range(N_CORRECTIONS):
+            at, speed = u[row], v[row]
+            low, high, u0_now = -np.inf, np.inf, u0
+            for i in range(n_substeps):
+                u0_now = at + per_rate * rate[row]
+                slack = per_rate * (n_substeps - 1 - i) * most
+                low, high = max(low, u0_now - slack), min(high, u0_now + slack)
+                at, _, speed = _plain_step(at, speed, u0, drum)
+            u0 = low if low > u0_now else (high if high < u0_now else u0_now)
+        command[row] = _within(u0, command_range)
+    return command
 
 
 def winch_model(scenario: Scenario) -> WinchModel:

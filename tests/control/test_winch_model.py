@@ -63,6 +63,24 @@ def test_it_follows_the_plant_to_rounding(changes):
         assert np.array_equal(path[:, -2], u)
 
 
+@pytest.mark.parametrize("changes", [{}, {"winch__stroke_limit": 0.3}, {"winch__command_delay": 0.15}])
+def test_the_compiled_lag_is_the_general_drive(changes):
+    winch, general = (winch_model(with_many(LIMITS, changes)) for _ in range(2))
+    general.__dict__["is_plain"] = False
+    assert winch.is_plain and winch.ramps
+    rng = np.random.default_rng(0)
+    u, v, rate = (rng.uniform(-size, size, 500) for size in (0.35, 1.0, 1.2))
+    commands = rng.uniform(-2.0, 2.0, (500, 1 + winch.n_pending))
+    for ours, theirs in zip(
+        winch.step(u, v, commands[:, 0]), general.step(u, v, commands[:, 0]), strict=True
+    ):
+        np.testing.assert_allclose(ours, theirs, rtol=0.0, atol=1e-14)
+    paths = (drum.path(u, v, commands, first=0, count=winch.n_substeps)[2] for drum in (winch, general))
+    np.testing.assert_allclose(*paths, rtol=0.0, atol=1e-13)
+    asked = (drum.command_for_rate(u, v, rate) for drum in (winch, general))
+    np.testing.assert_allclose(*asked, rtol=0.0, atol=1e-11)
+
+
 POWER = {"winch__power_limit": 1.6e4}
 TORQUE = {"winch__torque_limit": 1.1e5, "winch__drum_radius": 1.0, "winch__drum_inertia": 3e4}
 
