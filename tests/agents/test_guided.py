@@ -211,11 +211,10 @@ def test_only_ppo_has_a_privileged_critic():
 @pytest.mark.parametrize(("algorithm", "kind"), [(one, kind) for one in ALGORITHMS for kind in kinds_of(one)])
 def test_the_presets_by_kind_are_complete(algorithm, kind):
     settings = load_preset(algorithm, LIMITS, kind)
-    planned = kind in ("rate", "taught")
-    assert settings.guide == ("mpc" if planned else "lqg")
-    assert settings.guide_mode == ("rate" if planned else kind)
-    assert settings.teacher == ("mpc" if planned else None)
-    assert settings.guide_shown == (kind != "taught")
+    guides = {"rate": "mpc", "taught": None}
+    assert settings.guide == guides.get(kind, "lqg")
+    assert settings.guide is None or settings.guide_mode == kind
+    assert settings.teacher == ("mpc" if kind in guides else None)
     assert settings.privileged_critic == (algorithm == "ppo")
 
 
