@@ -281,22 +281,38 @@ def save_policy(path: Path, policy: TrainedPolicy) -> None:
         path: The JSON's path, as `run/policy.json`.
         policy: What to write.
     """
-    weights_file = path.with_suffix(".safetensors")
+    told, weights = packed(policy, path.with_suffix(".safetensors").name)
+    write_atomic(path.with_suffix(".safetensors"), weights)
+    write_atomic(path, told)
+
+
+def packed(
+    policy: TrainedPolicy, weights_file: str, dtype: type[np.floating[Any]] = np.float32
+) -> tuple[bytes, bytes]:
+    """A policy's JSON and its weights, as the content of two files.
+
+    Args:
+        policy: What to write.
+        weights_file: Name of the weights' file, which the JSON states.
+        dtype: Precision that the weights are rounded to in their file; a policy acts in float32 always.
+
+    Raises:
+        ValueError: If a weight is too large for that precision.
+    """
     layers = dataclasses.asdict(policy.architecture)
     if not layers["memory"]:  # the file of a policy that remembers nothing stays as it was
         del layers["memory"]
-    content = {
-        "format": POLICY_FORMAT,
-        **policy.card,
-        "architecture": layers,
-        "weights": weights_file.name,
-    }
+    content = {"format": POLICY_FORMAT, **policy.card, "architecture": layers, "weights": weights_file}
     content = json.loads(canonical(content))
-    tensors = {name: np.ascontiguousarray(value) for name, value in policy.weights.items()}
-    packed = save_tensors(tensors, metadata={"content_sha256": sha256(canonical(content))})
-    content["weights_sha256"] = sha256(packed)
-    write_atomic(weights_file, packed)
-    write_atomic(path, (json.dumps(content, indent=1) + "\n").encode())
+    tensors = {}
+    for name, value in policy.weights.items():
+        most = float(np.abs(value).max(initial=0.0))
+        if most > float(np.finfo(dtype).max):
+            raise ValueError(f"the policy's weight {name} reaches {most:g}, too much for {dtype.__name__}")
+        tensors[name] = np.ascontiguousarray(value, dtype=dtype)
+    weights = save_tensors(tensors, metadata={"content_sha256": sha256(canonical(content))})
+    content["weights_sha256"] = sha256(weights)
+    return (json.dumps(content, indent=1) + "\n").encode(), weights
 
 
 def load_policy(

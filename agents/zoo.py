@@ -1,9 +1,10 @@
 """The zoo: trained agents that are shipped, as files that load without torch and without executing code.
 
 An agent is a folder: `card.json`, which says what it is, how it was trained and what it was found to do, and
-for each training seed a folder with that training's best policy, the very files of its run folder. The card
-holds the hash of every policy's JSON (which holds that of its weights) and its own. `zoo:NAME` is an agent
-with all its trainings, `zoo:NAME/SEED` one of them; `docs/zoo.md` describes all of it.
+for each training seed a folder with that training's best policy, its weights rounded to half precision. The
+card holds the hash of every policy's JSON (which holds that of its weights), of the weights as trained, and
+its own. `zoo:NAME` is an agent with all its trainings, `zoo:NAME/SEED` one of them; `docs/zoo.md` describes
+all of it.
 """
 
 from __future__ import annotations
@@ -20,7 +21,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
-from agents.policy import POLICY_FILE, TrainedPolicy, canonical, load_policy, seen_by, sha256
+import numpy as np
+
+from agents.policy import POLICY_FILE, TrainedPolicy, canonical, load_policy, packed, seen_by, sha256
 from agents.presets import Preset
 from heave_env import scenarios
 from heave_env.files import write_atomic
@@ -37,6 +40,8 @@ CARD_FORMAT = "heave_env zoo card 1"
 """What a card says it is."""
 LARGEST = 5_000_000
 """All files of the zoo together are smaller than this [bytes]."""
+PRECISION = np.float16
+"""What weights are rounded to in the zoo's files; agents act in float32."""
 RECIPE = ("kind", "algorithm", "scenario_name", "fingerprint", "scenario", "preset")
 """Entries of a run's `run.json` that all trainings of an agent have in common."""
 CURVE = ("step", "wall_s", "cost_mean")
@@ -348,11 +353,13 @@ def add(run_folders: Sequence[str | Path], name: str | None = None) -> ZooAgent:
                 "results": None,
             }
         card["trainings"] = dict(card["trainings"])
-        packed = {
-            run.seed: {file: _bytes(run.folder / file) for file in (POLICY_FILE, _WEIGHTS_FILE)}
+        files = {
+            run.seed: dict(
+                zip((POLICY_FILE, _WEIGHTS_FILE), packed(run.policy, _WEIGHTS_FILE, PRECISION), strict=True)
+            )
             for run in found
         }
-        new = sum(len(content) for files in packed.values() for content in files.values())
+        new = sum(len(content) for both in files.values() for content in both.values())
         total = new + sum(path.stat().st_size for path in zoo.rglob("*") if path.is_file())
         if total >= LARGEST:
             raise ValueError(
@@ -362,10 +369,10 @@ def add(run_folders: Sequence[str | Path], name: str | None = None) -> ZooAgent:
         for run in found:
             place = zoo / name / str(run.seed)
             place.mkdir(parents=True, exist_ok=True)
-            for file, content in packed[run.seed].items():
+            for file, content in files[run.seed].items():
                 write_atomic(place / file, content)
             load_policy(place)
-            card["trainings"][str(run.seed)] = _training(run, packed[run.seed][POLICY_FILE])
+            card["trainings"][str(run.seed)] = _training(run, files[run.seed][POLICY_FILE])
         return _written(zoo, card)
 
 

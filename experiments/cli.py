@@ -39,6 +39,15 @@ class Parser(argparse.ArgumentParser):
         kwargs.setdefault("allow_abbrev", False)
         super().__init__(*args, **kwargs)
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """Lets names stand behind options too, which argparse refuses where any number of them may stand."""
+        found, left = super().parse_known_args(args, namespace)
+        lists = [action.dest for action in self._get_positional_actions() if action.nargs == "*"]
+        if lists and not any(word.startswith("-") for word in left):
+            setattr(found, lists[-1], [*(getattr(found, lists[-1], None) or []), *left])
+            left = []
+        return found, left
+
     def error(self, message: str) -> NoReturn:
         """Prints the sentence and leaves with exit code 2."""
         self.exit(BAD_INPUT, f"heave: {message}; see {self.prog} --help\n")

@@ -19,7 +19,7 @@ import pytest
 pytest.importorskip("stable_baselines3")
 
 from agents import zoo
-from agents.policy import canonical, load_policy, sha256
+from agents.policy import TrainedPolicy, canonical, load_policy, save_policy, sha256
 from agents.train import train, validation
 from baselines.oracle import oracle
 from experiments.rollout import rollout
@@ -82,25 +82,50 @@ def refusal(function, *arguments) -> str:
 # What enters and comes back ----------------------------------------------------------------------
 
 
-def test_the_files_are_those_of_the_run(filled, runs):
+def rounded(run: Path) -> TrainedPolicy:
+    """The run's policy with weights as the zoo's files hold them."""
+    policy = load_policy(run)
+    weights = {name: value.astype(np.float16) for name, value in policy.weights.items()}
+    return TrainedPolicy(policy.architecture, weights, policy.card)
+
+
+def test_the_files_are_those_of_the_run_in_half_precision(filled, runs):
     assert zoo.names() == (NAME,)
     agent = zoo.read(NAME)
     assert agent.seeds == (0, 1) and agent.specs() == (f"zoo:{NAME}/0", f"zoo:{NAME}/1")
     assert agent.scenario == LINEAR
     for seed in agent.seeds:
-        for file in ("policy.json", "policy.safetensors"):
-            assert (filled / NAME / str(seed) / file).read_bytes() == (runs[str(seed)] / file).read_bytes()
+        ours, theirs = filled / NAME / str(seed), runs[str(seed)]
+        told = [json.loads((place / "policy.json").read_text()) for place in (ours, theirs)]
+        hashes = [content.pop("weights_sha256") for content in told]
+        assert told[0] == told[1] and hashes[0] != hashes[1]
+        weights, trained = (load_policy(place, LINEAR).weights for place in (ours, theirs))
+        for key in trained:
+            np.testing.assert_array_equal(weights[key], trained[key].astype(np.float16))
+            assert np.any(weights[key] != trained[key]) or not np.any(trained[key])
+        sizes = [(place / "policy.safetensors").stat().st_size for place in (ours, theirs)]
+        values = sum(value.size for value in trained.values())
+        assert sizes[0] <= sizes[1] - 2 * values
     found = {path.relative_to(filled).as_posix() for path in filled.rglob("*") if path.is_file()}
     each = {f"{NAME}/{seed}/policy.{suffix}" for seed in (0, 1) for suffix in ("json", "safetensors")}
     assert found == {f"{NAME}/card.json", *each}
     assert agent.size == sum((filled / name).stat().st_size for name in found)
 
 
-def test_an_agent_of_the_zoo_acts_as_its_run_does(filled, runs):
+def test_an_agent_of_the_zoo_acts_as_its_rounded_weights_do(filled, runs):
     for seed in (0, 1):
         ours = rollout(LINEAR, zoo.load_agent(f"zoo:{NAME}/{seed}", LINEAR), [5, 6], duration=10.0)
-        theirs = rollout(LINEAR, load_policy(runs[str(seed)], LINEAR), [5, 6], duration=10.0)
+        theirs = rollout(LINEAR, rounded(runs[str(seed)]), [5, 6], duration=10.0)
         np.testing.assert_array_equal(ours.steps["command"], theirs.steps["command"])
+
+
+def test_weights_that_half_precision_cannot_hold_stay_out(empty, runs, tmp_path):
+    policy = load_policy(runs["0"], LINEAR)
+    weights = {**policy.weights, "output.bias": np.array([7e4], dtype=np.float32)}
+    shutil.copytree(runs["0"], tmp_path / "run")
+    save_policy(tmp_path / "run" / "policy.json", TrainedPolicy(policy.architecture, weights, policy.card))
+    assert "output.bias reaches 70000, too much for float16" in refusal(zoo.add, [tmp_path / "run"])
+    assert zoo.names() == ()
 
 
 def test_without_a_seed_it_is_the_training_that_validates_best(filled, runs):
@@ -178,7 +203,7 @@ def test_a_guided_agent_acts_from_the_zoo_as_from_its_run(empty, tmp_path, scena
     assert agent.card["guide"] == guide and agent.training(3)["guide"]["mode"] == mode
     there = scenarios.load(f"{scenario}@rougher")
     ours = rollout(there, zoo.load_agent(agent.name, there), [5, 6], duration=10.0)
-    theirs = rollout(there, load_policy(run, there), [5, 6], duration=10.0)
+    theirs = rollout(there, rounded(run), [5, 6], duration=10.0)
     np.testing.assert_array_equal(ours.steps["command"], theirs.steps["command"])
 
 
@@ -331,13 +356,14 @@ def test_every_shipped_agent_is_whole_and_fits_its_scenario():
         results = agent.card["results"]
         assert results is not None and set(results["trainings"]) == {str(seed) for seed in agent.seeds}, name
         assert agent.scenario.fingerprint == scenarios.load(agent.card["scenario_name"]).fingerprint
-        for seed, spec in zip(agent.seeds, agent.specs(), strict=True):
+        for spec in agent.specs():
             policy = zoo.load_agent(spec, agent.scenario)
             seen = np.zeros((2, len(policy.scenario.observation_names)), dtype=np.float32)
             action, _ = policy.predict(seen, episode_start=np.ones(2, dtype=bool))
             assert action.shape == (2, 1) and np.isfinite(action).all(), spec
-            weights = (agent.policy_folder(seed) / "policy.safetensors").read_bytes()
-            assert sha256(weights) == agent.training(seed)["weights_sha256"], spec
+            assert all(
+                np.array_equal(value, value.astype(zoo.PRECISION)) for value in policy.weights.values()
+            )
 
 
 @pytest.mark.slow

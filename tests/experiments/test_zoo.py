@@ -366,6 +366,8 @@ def test_a_fresh_process_evaluates_without_torch(shipped):
         ("zoo measure --name x", "zoo measure takes no --name"),
         ("zoo add", "no run folder was named"),
         ("zoo add nowhere", "no run folder that heave train has written"),
+        ("zoo add --unmeasured nowhere", "no run folder that heave train has written"),
+        ("zoo measure --bogus none", "unrecognized arguments: --bogus"),
         (f"zoo measure {NAME} --seas 1", "at least 2 seas"),
         (f"zoo measure {NAME} --rivals lqgg --seas 2", "did you mean 'lqg'"),
     ],
