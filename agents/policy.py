@@ -31,6 +31,9 @@ POLICY_FORMAT = "heave_env policy 1"
 POLICY_FILE = "policy.json"
 """The JSON's name in a run folder; the weights lie beside it under the same stem."""
 
+WHITENING = "features.weight"
+"""Name of the matrix that makes features of observations; its rows cancel what nearly goes together."""
+
 ACTIVATIONS: dict[str, Callable[[Any], Any]] = {
     "tanh": np.tanh,
     "relu": lambda x: np.maximum(x, np.float32(0.0)),
@@ -294,7 +297,8 @@ def packed(
     Args:
         policy: What to write.
         weights_file: Name of the weights' file, which the JSON states.
-        dtype: Precision that the weights are rounded to in their file; a policy acts in float32 always.
+        dtype: Precision that the weights are rounded to in their file, but for the matrix that makes features
+            of what is seen: it takes large numbers from each other. A policy acts in float32 always.
 
     Raises:
         ValueError: If a weight is too large for that precision.
@@ -306,6 +310,9 @@ def packed(
     content = json.loads(canonical(content))
     tensors = {}
     for name, value in policy.weights.items():
+        if name == WHITENING:
+            tensors[name] = np.ascontiguousarray(value)
+            continue
         most = float(np.abs(value).max(initial=0.0))
         if most > float(np.finfo(dtype).max):
             raise ValueError(f"the policy's weight {name} reaches {most:g}, too much for {dtype.__name__}")
