@@ -310,13 +310,11 @@ def packed(
     content = json.loads(canonical(content))
     tensors = {}
     for name, value in policy.weights.items():
-        if name == WHITENING:
-            tensors[name] = np.ascontiguousarray(value)
-            continue
+        kept = np.float32 if name == WHITENING else dtype
         most = float(np.abs(value).max(initial=0.0))
-        if most > float(np.finfo(dtype).max):
-            raise ValueError(f"the policy's weight {name} reaches {most:g}, too much for {dtype.__name__}")
-        tensors[name] = np.ascontiguousarray(value, dtype=dtype)
+        if most > float(np.finfo(kept).max):
+            raise ValueError(f"the policy's weight {name} reaches {most:g}, too much for {kept.__name__}")
+        tensors[name] = np.ascontiguousarray(value, dtype=kept)
     weights = save_tensors(tensors, metadata={"content_sha256": sha256(canonical(content))})
     content["weights_sha256"] = sha256(weights)
     return (json.dumps(content, indent=1) + "\n").encode(), weights
