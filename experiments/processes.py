@@ -60,12 +60,9 @@ def shared_out(
             yield waiting[future], future.result()
         pool.shutdown()
     except BaseException:
-        pool.shutdown(wait=False, cancel_futures=True)
-        ours = set(multiprocessing.active_children()) - others
-        for process in ours:
+        for process in set(multiprocessing.active_children()) - others:
             process.terminate()
-        for process in ours:
-            process.join()
+        pool.shutdown(cancel_futures=True)  # waits for its thread, which alone reaps them
         raise
 
 

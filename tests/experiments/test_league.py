@@ -465,7 +465,9 @@ def test_two_processes_find_what_one_does(players, tmp_path, monkeypatch, scenar
     assert (out / "episodes.csv").read_bytes() == (alone / "episodes.csv").read_bytes()
 
 
-def test_what_a_worker_raises_ends_the_work():
+@pytest.mark.parametrize("_", range(5))
+def test_what_a_worker_raises_ends_the_work(_):
+    """Several times: two threads that reap one process leave it among the living now and then."""
     done = []
     with pytest.raises(ValueError, match="invalid literal"):
         for job, result in shared_out(int, ["1", "2", "x", "3"], 2):
