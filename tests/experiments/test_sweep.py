@@ -403,7 +403,7 @@ def test_an_interruption_saves_and_the_same_command_goes_on(tmp_path):
 def test_how_many_trainings_per_minute_one_and_two_workers_do(tmp_path, capsys):
     """Prints the figures; on crowded processors two workers gain less than on two of their own."""
     pytest.importorskip("ray")
-    path = written(tmp_path, steps=5 * STEPS, runs=[ENTRY | {"seeds": [0, 1, 2, 3]}])
+    path = written(tmp_path, steps=20 * STEPS, runs=[ENTRY | {"seeds": [0, 1, 2, 3]}])
     speeds = [sweep(path, out=tmp_path / str(workers), workers=workers).speed for workers in (1, 2)]
     with capsys.disabled():
         print("\n" + "\n".join(speeds) + f"\nload {os.getloadavg()[0]:.1f} on {os.cpu_count()} processors")
