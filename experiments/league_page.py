@@ -1,4 +1,4 @@
-"""The page of a league, drawn from the leaderboard that its folder holds; nothing is simulated."""
+"""A league's page and Markdown tables, from the leaderboard that its folder holds; nothing is simulated."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ from experiments.leaderboard import NOMINAL, POOLED, failure_text
 from experiments.report import DASH, ended_early, significant
 
 PAGE_FILE = "leaderboard.html"
+MARKDOWN_FILE = "leaderboard.md"
 SUMMARY_FILE = "leaderboard.json"
 
 Cell = dict[str, str]
@@ -23,6 +24,7 @@ Column = tuple[str, str, str, float, bool]
 NEAR_BOUND = 100.0
 """The causal bound is shown where anybody's payload comes within this factor of it: a smooth sea can be
 foreseen so well that it says nothing [-]."""
+PLACE_TEXT = {NOMINAL: "", POOLED: ", all variants"}
 SPREAD_TEXT = (("median", "median"), ("p95", "95 %"), ("maximum", "maximum"))
 YARDSTICK_TEXT = {
     "optimum": "the proven optimum with what the contestant sees",
@@ -331,8 +333,51 @@ def page_text(summary: dict[str, Any], pictures: Sequence[dict[str, Any]] = ()) 
     )
 
 
+IN_MARKDOWN = {
+    "cost_ratio_median": "median of these ratios",
+    "payload_heave_std": "payload std [mm]",
+    "control_energy": "control energy [m²]",
+    "winch_work": "winch work [MJ]",
+    "tension_p999": "99.9 % tension [kN]",
+    "decision_time": "µs per decision",
+    "decision_time_alone": "µs in a single sea",
+}
+"""What stands in a Markdown table beside the ratios of mean costs, and its heading there."""
+
+
+def markdown_text(summary: dict[str, Any]) -> str:
+    """The leaderboard's main columns as Markdown: a table for each scenario and variant.
+
+    Args:
+        summary: What `leaderboard.json` holds.
+    """
+    reference = summary["reference"]
+    lines = []
+    for told in summary["standings"]:
+        scenario = "all scenarios" if told["scenario"] == POOLED else told["scenario"]
+        lines += [f"**{scenario}{PLACE_TEXT.get(told['variant'], '@' + told['variant'])}**", ""]
+        columns = [
+            column
+            for column in cost_columns(told, reference) + load_columns(told, reference)
+            if column[2].startswith("cost_ratio_to_") or column[2] in IN_MARKDOWN
+        ]
+        heads = ["", *(IN_MARKDOWN.get(column[2], column[0]) for column in columns), "ended early"]
+        lines += [f"| {' | '.join(heads)} |", "|---" * len(heads) + "|"]
+        for row in _table(told, "", columns, dict.fromkeys(told["entries"], ""))["rows"]:
+            name = f"`{row['label']}`" + (", best" if row["best"] else "")
+            texts = [
+                made["text"] + (f" ({made['interval']})" if made["interval"] else "") for made in row["cells"]
+            ]
+            lines.append(f"| {' | '.join([name, *texts, row['ended']])} |")
+        lines.append("")
+    first, last = summary["first_seed"], summary["first_seed"] + summary["n_seeds"] - 1
+    made = summary["provenance"]
+    lines.append(f"Seas {first} to {last}; {summary['interval']}; {made['date']}, commit {made['commit']}.")
+    return "\n".join(lines) + "\n"
+
+
 def write_page(folder: str | Path) -> Path:
-    """Draws the page anew from what the folder holds; returns its path.
+    """Draws the page and the Markdown tables anew from what the folder holds; returns the page's path.
 
     Raises:
         ValueError: If the folder holds no leaderboard, or one that is broken.
@@ -341,9 +386,10 @@ def write_page(folder: str | Path) -> Path:
 
     summary = runs.read_json(Path(folder) / SUMMARY_FILE)
     try:
-        text = page_text(summary, stored(folder))
+        text, tables = page_text(summary, stored(folder)), markdown_text(summary)
     except (KeyError, IndexError, TypeError, ValueError) as error:
         raise ValueError(
             f"the leaderboard in {str(folder)!r} is incomplete ({error}); run heave league again"
         ) from error
+    runs.write_text(Path(folder) / MARKDOWN_FILE, tables)
     return runs.write_text(Path(folder) / PAGE_FILE, text)

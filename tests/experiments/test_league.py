@@ -6,6 +6,7 @@ import csv
 import json
 import multiprocessing
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -29,7 +30,7 @@ from experiments.rollout import FIRST_TEST_SEED, rollout, with_duration
 from heave_env.scenarios import load
 
 SCENARIOS = ("thesis_linear", "unknown_linear")
-FILES = {"episodes.csv", "leaderboard.csv", "leaderboard.json", "leaderboard.html", "run.json", "kept"}
+FILES = {"episodes.csv", "run.json", "kept"} | {f"leaderboard.{end}" for end in ("csv", "json", "html", "md")}
 GIVEN = dict(n_seeds=4, duration=20.0, variants="rougher", arguments=["league"])
 MINE = """
 import numpy as np
@@ -302,6 +303,20 @@ def test_numbers_in_the_page_are_those_of_the_table(folder, rows):
                     continue
                 value = factors.get(quantity, 1.0) * number(rows, scenario, "nominal", entry, quantity)
                 assert first[entry, quantity] == significant(value, 4), (entry, quantity)
+
+
+def test_numbers_in_the_markdown_tables_are_those_of_the_table(folder, rows):
+    text = (folder / "leaderboard.md").read_text(encoding="utf-8")
+    sections = dict(re.findall(r"\*\*(.*?)\*\*\n\n(.*?)\n\n", text, flags=re.DOTALL))
+    assert {f"{name}{end}" for name in SCENARIOS for end in ("", "@rougher")} <= set(sections)
+    for scenario in SCENARIOS:
+        head, rule, *body = [line.strip("| ").split(" | ") for line in sections[scenario].split("\n")]
+        assert {len(line) for line in body} == {len(head) + 1} == {len(rule[0].split("|"))}
+        assert head[0] == "J / lqg"
+        for name, *cells in body:
+            value = number(rows, scenario, "nominal", name.strip("`"), "cost_ratio_to_lqg")
+            assert cells[0].split(" (")[0] == significant(value, 4)
+    assert "nan" not in text.lower()
 
 
 def test_the_page_is_self_contained_but_for_links_to_its_files(folder):
