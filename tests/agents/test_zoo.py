@@ -383,6 +383,14 @@ def test_who_sees_sensors_alone_comes_near_who_knows_what_was_drawn():
         assert found["cost_mean"] < 1.3 * knows
 
 
+@pytest.mark.parametrize("spec", zoo.read("thesis_linear-estimate").specs())
+def test_who_sees_the_estimate_holds_its_loop_from_wherever_a_sea_begins(spec):
+    """An estimate may begin 180 deviations out: cut off at 60, an agent lost one sea in a thousand."""
+    policy = zoo.load_agent(spec)
+    found = validation(policy, policy.scenario, n_seas=2000, duration=20.0, first_sea=10_400_000)
+    assert found["cost_max"] < 10.0 and found["failed"] == 0.0
+
+
 def test_a_card_does_not_tell_where_a_training_lay():
     told = zoo._anywhere(
         "heave train limits_linear --preset 'my own.yaml' --out /home/me/all/rate_3 --seed 3"
