@@ -11,7 +11,7 @@ from __future__ import annotations
 import inspect
 import itertools
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -110,13 +110,21 @@ def choices(design: str, scenario: Scenario, own: dict[str, float], n_weights: i
         "speed_weight": q * np.geomspace(*SPEED_FACTORS, n_weights),
         "energy_weight": own.get("energy_weight", 1.0) * np.geomspace(*ENERGY_FACTORS, n_weights),
     }
-    found = [dict(own)]
-    for name in swept_weights(design):
-        for value in grids[name]:
-            weights = own | {name: float(f"{value:.6g}")}
-            if weights not in found:
-                found.append(weights)
-    return found
+    rays = [own | {name: float(f"{value:.6g}")} for name in swept_weights(design) for value in grids[name]]
+    return distinct([dict(own), *rays])
+
+
+def label_of(weights: Mapping[str, float]) -> str:
+    """Weights as text."""
+    return ",".join(f"{name}={value:.6g}" for name, value in weights.items())
+
+
+def distinct(asked: Iterable[dict[str, float]]) -> list[dict[str, float]]:
+    """The first of those choices that have the same label."""
+    found: dict[str, dict[str, float]] = {}
+    for weights in asked:
+        found.setdefault(label_of(weights), weights)
+    return list(found.values())
 
 
 def own_weights(design: str, basis: Scenario, folder: Path) -> dict[str, float]:
@@ -188,7 +196,7 @@ def sweep(
         between = refined(found)
         if not between:
             break
-        asked = [*asked, *between]
+        asked = distinct([*asked, *between])
     return found
 
 
@@ -222,7 +230,7 @@ def _played(
 ) -> list[Choice]:
     entries = []
     for weights in asked:
-        told = ",".join(f"{name}={value:.6g}" for name, value in weights.items())
+        told = label_of(weights)
         made = baselines.design(design, basis, **weights)
         sees = getattr(made, "information_set", None) or scenario.information_set
         entries.append(Entry(f"{design} {told}", f"{design},{told}", made, sees))

@@ -26,8 +26,10 @@ from experiments.league import contestants, league
 from experiments.pictures_fronts import (
     Choice,
     choices,
+    distinct,
     front,
     fronts_picture,
+    label_of,
     league_picture,
     refined,
     sweep,
@@ -176,6 +178,15 @@ def test_every_ray_passes_through_the_designs_own_weights():
     assert found[0] == own and len(found) == 11
     assert all(weights["mismatch"] == 0.1 for weights in found)
     assert all(weights["command_weight"] == 3.0 or weights["speed_weight"] == 20.0 for weights in found)
+
+
+def test_choices_that_are_told_alike_are_one():
+    """Tuned weights have all their digits, a ray's six: what is kept under one name must be one."""
+    task = load("limits_linear").task
+    own = {"command_weight": task.command_weight * (1.0 + 1e-9), "speed_weight": 20.0}
+    found = choices("lqg", load("limits_linear"), own, 9)
+    assert found[0] == own and len({label_of(weights) for weights in found}) == len(found)
+    assert distinct([*found, dict(own)]) == found
 
 
 @pytest.fixture(scope="module")
