@@ -52,7 +52,7 @@ from experiments.leaderboard import (
     quantities,
     ranked,
 )
-from experiments.league_page import PLACE_TEXT, SUMMARY_FILE, write_page
+from experiments.league_page import SUMMARY_FILE, place_text, write_page
 from experiments.metrics import CONFIDENCE, METRICS, window
 from experiments.processes import shared_out, worker_count
 from experiments.results import Contest, Entry, Outcome
@@ -688,9 +688,7 @@ def printed(summary: dict[str, Any]) -> list[str]:
     reference = summary["reference"]
     lines = []
     for item in summary["standings"]:
-        scenario = "all scenarios" if item["scenario"] == POOLED else item["scenario"]
-        variant = PLACE_TEXT.get(item["variant"], f"@{item['variant']}")
-        lines.append(f"{scenario}{variant}: J / {reference}, lowest first")
+        lines.append(f"{place_text(item)}: J / {reference}, lowest first")
         for name, entry in item["entries"].items():
             number = entry["quantities"].get(f"cost_ratio_to_{reference}")
             if number is None:

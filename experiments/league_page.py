@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -24,7 +24,6 @@ Column = tuple[str, str, str, float, bool]
 NEAR_BOUND = 100.0
 """The causal bound is shown where anybody's payload comes within this factor of it: a smooth sea can be
 foreseen so well that it says nothing [-]."""
-PLACE_TEXT = {NOMINAL: "", POOLED: ", all variants"}
 SPREAD_TEXT = (("median", "median"), ("p95", "95 %"), ("maximum", "maximum"))
 YARDSTICK_TEXT = {
     "optimum": "the proven optimum with what the contestant sees",
@@ -32,6 +31,12 @@ YARDSTICK_TEXT = {
     "oracle_mpc": "mpc that knows what each episode drew",
     "clairvoyant": "the least J of who knows the sea beforehand",
 }
+
+
+def place_text(told: Mapping[str, Any]) -> str:
+    """A scenario with its variant, or what stands for several, as text."""
+    scenario = "all scenarios" if told["scenario"] == POOLED else told["scenario"]
+    return scenario + {NOMINAL: "", POOLED: ", all variants"}.get(told["variant"], f"@{told['variant']}")
 
 
 def cost_columns(told: dict[str, Any], reference: str) -> list[Column]:
@@ -354,8 +359,7 @@ def markdown_text(summary: dict[str, Any]) -> str:
     reference = summary["reference"]
     lines = []
     for told in summary["standings"]:
-        scenario = "all scenarios" if told["scenario"] == POOLED else told["scenario"]
-        lines += [f"**{scenario}{PLACE_TEXT.get(told['variant'], '@' + told['variant'])}**", ""]
+        lines += [f"**{place_text(told)}**", ""]
         columns = [
             column
             for column in cost_columns(told, reference) + load_columns(told, reference)
