@@ -42,6 +42,13 @@ def entry_point(function: Any, *argument_types: Any) -> Any:
     return function.overloads[argument_types].entry_point
 
 
+def address_of(function: Any, *argument_types: Any) -> int:
+    """Where the compiled function lies in memory, to be called from other compiled code."""
+    function.compile(argument_types)
+    made = function.overloads[argument_types]
+    return int(made.library.get_pointer_to_function(made.fndesc.llvm_func_name))
+
+
 def source_fingerprint() -> int:
     """A number that changes whenever the source of any stage does.
 

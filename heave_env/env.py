@@ -275,6 +275,8 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
             n_threads=n_threads,
             keeps_tensions=render_mode is not None,
         )
+        if info:
+            self.plant.hand_channels_out()
         self.num_envs = self.plant.n_envs
         self.render_mode = render_mode
         self.metadata = {
@@ -327,7 +329,7 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
             if mask[row]:
                 traces.restart()
         self._show_human()
-        return self.plant.observation.copy(), self._infos(None)
+        return self.plant.hand_out(), self._infos(None)
 
     def step(self, actions: Any) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """Advances every row by one control step.
@@ -359,7 +361,7 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
             self._show_human()
         shape = self.num_envs
         terminated, truncated = np.zeros(shape, dtype=np.bool_), np.zeros(shape, dtype=np.bool_)
-        return plant.observation.copy(), reward, terminated, truncated, self._infos(None)
+        return plant.hand_out(), reward, terminated, truncated, self._infos(None)
 
     def _step_with_ends(self, reward: Array) -> tuple[Array, Array, Array, Array, dict[str, Any]]:
         """The rest of a step in which rows end, or begin anew."""
@@ -390,7 +392,7 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
         self._show_human()
         info = self._infos(fate)
         info.update(final)
-        return plant.observation.copy(), reward, terminated, truncated, info
+        return plant.hand_out(), reward, terminated, truncated, info
 
     def render(self) -> Any:
         """A tuple of frames, one per row (strings for "ansi"); None for "human" and without a mode."""
@@ -413,7 +415,7 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
         """Begins the next episode of the masked rows at once, and returns all observations."""
         self.plant.begin(self._checked_mask(mask))
         self._note_finished(self._finished & ~mask)
-        return self.plant.observation.copy()
+        return self.plant.hand_out()
 
     def get_state(self) -> dict[str, Array]:
         """Everything that the batch's future depends on, as plain arrays."""

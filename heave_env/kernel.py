@@ -45,6 +45,7 @@ from heave_env.lanes import (
     minimum,
     n_lanes_of,
     negated,
+    numbers_from,
     store_across,
     unsigned_float,
     where,
@@ -161,6 +162,7 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     ADDRESS_OUTCOME,
     ADDRESS_ACTIONS,
     ADDRESS_BEGINS,
+    ADDRESS_CHANNELS,
     N_ENVS,
     N_ROWS,
     N_OBSERVED,
@@ -215,8 +217,9 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     WORK_NOISE,
     WORK_CABLE,
     KEEPS_TENSIONS,
+    SHOWS_ALL,
     N_CONFIGURATION,
-) = range(64)
+) = range(66)
 # What a call is told of: its share of the blocks, and a scratch block of its own.
 SHARE_CONFIGURATION, SHARE_SCRATCH, SHARE_FIRST_BLOCK, SHARE_LAST_BLOCK = range(4)
 
@@ -952,15 +955,23 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
             _measure(S, W, I, cfg, tables, numbers, slot, noise + (n_sea + 3) // 4 * 4)
             observation = block_at(cfg[ADDRESS_OBSERVATION] + first_row * cfg[N_OBSERVED] * 4, 1, 1, 0)
             _observe(S, W, cfg, slot, command_slot, observation, n_rows)
+            if cfg[ADDRESS_CHANNELS] != 0:
+                # While they are in the nearest cache.
+                size = N_CHANNELS * n_lanes
+                kept = block_at(cfg[ADDRESS_CHANNELS] + block * size * itemsize, single, 1, 0)
+                shown = numbers_from(S, 0)
+                for i in range(size):
+                    kept[i] = shown[i]
 
     @njit(cache=True, nogil=n_lanes > 1, error_model="numpy")
     def begin(share, position):
         """Begins a new episode in the rows that the plant marked: the sea stationary, cable and payload
         hanging still, the winch at rest or in the middle of compensating.
 
-        The arguments are those of `advance`, but all blocks are looked at. The seeds and episodes must stand
-        in the counters. There is a mark for each lane of each block: lanes beyond the last environment run
-        along and need a state too.
+        The arguments are those of `advance`, but all blocks are looked at, and `SHOWS_ALL` has the
+        observations of the other rows laid out anew. The seeds and episodes must stand in the counters. There
+        is a mark for each lane of each block: lanes beyond the last environment run along and need a state
+        too.
         """
         if fingerprint == 0:
             return
@@ -1027,9 +1038,13 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
             for past in range(cfg[SENSOR_RING]):
                 for s in range(n):
                     S[cfg[ROW_SENSORS] + past * n + s] = S[cfg[ROW_SENSORS] + slot * n + s]
-            if row < cfg[N_ENVS]:
-                observation = block_at(cfg[ADDRESS_OBSERVATION] + row * cfg[N_OBSERVED] * 4, 1, 1, 0)
-                _observe(S, W, cfg, slot, command_slot, observation, 1)
+        for row in range(cfg[N_ENVS]):
+            if begins[row] == 0 and cfg[SHOWS_ALL] == 0:
+                continue
+            address = cfg[ADDRESS_STATE] + row // n_lanes * cfg[N_ROWS] * (n_lanes * itemsize)
+            S = lane_of(block_at(address, single, n_lanes, plain), row % n_lanes)
+            observation = block_at(cfg[ADDRESS_OBSERVATION] + row * cfg[N_OBSERVED] * 4, 1, 1, 0)
+            _observe(S, W, cfg, slot, command_slot, observation, 1)
 
     return advance, begin
 

@@ -17,10 +17,11 @@ from scipy.linalg import expm
 from heave_env import kernel as k
 from heave_env import layout as rows
 from heave_env.cable.axial import fill_parameters, fill_work, n_cable_rows, n_work_rows
-from heave_env.compiled import announce_compilation, entry_point
+from heave_env.compiled import address_of, announce_compilation, entry_point
 from heave_env.lanes import aligned_zeros
 from heave_env.marching import LOOPS
 from heave_env.parameters import LinearPayload, Winch
+from heave_env.pool import Pool
 from heave_env.rollouts import rollout
 from heave_env.scenarios import Scenario
 from heave_env.sea import read_motion, square_root
@@ -142,7 +143,7 @@ class Plant:
     """A batch of plants of one scenario, with their sensors and costs.
 
     After `begin` and every `advance` the arrays below hold the present instant; they are the plant's
-    own and are rewritten by the next call, so copy what is to be kept.
+    own and are rewritten by the next call, so copy what is to be kept, or have the observations handed out.
     """
 
     observation: Array
@@ -197,6 +198,8 @@ class Plant:
         self._actions = aligned_zeros((n_lanes,), np.float64)
         self._begins = np.ones(n_lanes, dtype=np.int64)
         self.observation = np.zeros((self.n_envs, len(scenario.observation_names)), dtype=np.float32)
+        self._is_handed_out = False
+        self._hands_channels_out = False
         self.drawn = np.zeros((self.n_envs, len(scenario.uncertainty)))
         self._position = 0
         n_threads = min(int(n_threads), self.n_blocks)
@@ -213,6 +216,10 @@ class Plant:
     def _bind(self) -> None:
         """Tells the kernel where everything lies; a copy of the plant has memory of its own."""
         cfg = self._cfg
+        self._observations = Pool(self.observation.shape, np.float32)
+        self._channel_blocks = Pool((self.n_blocks, rows.N_CHANNELS, self.n_lanes), self.dtype)
+        self._channel_block: Array | None = None
+        cfg[k.ADDRESS_CHANNELS] = 0
         cfg[k.ADDRESS_STATE] = self._state.ctypes.data
         cfg[k.ADDRESS_COUNTERS] = self._counters.ctypes.data
         cfg[k.ADDRESS_TABLES] = self._tables.ctypes.data
@@ -238,12 +245,14 @@ class Plant:
         self._reward_found: Any = self._reward.data
         self._outcome_found: Any = self._outcome.data
         self._advance, self._begin = self._advance_at_first, self._begin_at_first
+        self._advance_address = 0
 
     def _compile(self) -> None:
         """Puts the compiled functions in place of the two below, which stand for them until then."""
         advance, begin = k.KERNELS[self.dtype, self.n_lanes]
         self._begin = entry_point(begin, types.int64, types.int64)
         self._advance = entry_point(advance, types.int64, types.int64)
+        self._advance_address = address_of(advance, types.int64, types.int64) if self._workers else 0
 
     def _advance_at_first(self, share: int, position: int) -> None:
         self._compile()
@@ -260,7 +269,11 @@ class Plant:
             "outcome",
             "_channel_rows",
             "_advance",
+            "_advance_address",
             "_begin",
+            "_observations",
+            "_channel_blocks",
+            "_channel_block",
             "_shares",
             "_calls",
             "_first_call",
@@ -473,9 +486,33 @@ class Plant:
             for row in place:
                 self._draw(int(row))
         self._begins[: self.n_envs] = mask
-        self._begin(self._first_call, self._position)
+        self._lay_begun_out()
         # Those beyond the last environment have a state now.
         self._begins[self.n_envs :] = 0
+
+    def _lay_begun_out(self) -> None:
+        """Begins the marked rows; if the observations are somebody else's by now, in memory of its own."""
+        self._channel_block = None
+        self._cfg[k.SHOWS_ALL] = self._is_handed_out
+        self._take_back()
+        self._begin(self._first_call, self._position)
+
+    def _take_back(self) -> None:
+        """Goes on in other memory if the observations were handed out."""
+        if self._is_handed_out:
+            self._is_handed_out = False
+            self.observation, self._cfg[k.ADDRESS_OBSERVATION] = self._observations.take()
+
+    def hand_out(self) -> Array:
+        """The observations, which are the caller's from now on: the plant goes on in other memory."""
+        if self.n_lanes == 1:
+            return self.observation.copy()
+        self._is_handed_out = True
+        return self.observation
+
+    def hand_channels_out(self) -> None:
+        """Has every step from now on lay its channels out for `channel_block` as it makes them."""
+        self._hands_channels_out = self.n_lanes > 1
 
     def _draw(self, row: int) -> None:
         """Draws the uncertain numbers of a row's new episode and lays its own plant out."""
@@ -499,10 +536,16 @@ class Plant:
             self._actions[0] = actions[0]
         else:
             self._actions[: self.n_envs] = actions
+            if self._is_handed_out:
+                self._take_back()
+            if self._hands_channels_out:
+                self._channel_block, self._cfg[k.ADDRESS_CHANNELS] = self._channel_blocks.take()
         if self._workers is None:
             self._advance(self._first_call, self._position)
         else:
-            self._workers.run(self._advance, [(call, self._position) for call in self._calls])
+            if self._advance_address == 0:
+                self._compile()
+            self._workers.run_compiled(self._advance, self._advance_address, self._calls, self._position)
         self._position += 1
 
     def advance_one(self, action: float) -> tuple[float, int]:
@@ -526,6 +569,9 @@ class Plant:
             asked: What the loop takes behind what the plant gives.
             n_steps: Control steps, the first of what is asked.
         """
+        self._take_back()
+        self._channel_block = None
+        self._cfg[k.ADDRESS_CHANNELS] = 0
         filled = (self._state, self.observation, self._actions, self.reward, self.outcome)
         loop = LOOPS[self.dtype, self.n_lanes]
         given = [(*filled, share, self._position, *asked) for share in self._shares]
@@ -541,7 +587,7 @@ class Plant:
 
     def channel_block(self) -> Array:
         """A copy of all channels at this instant, as they lie; `channel_rows` puts it in order."""
-        return self._channel_rows.copy()
+        return self._channel_rows.copy() if self._channel_block is None else self._channel_block
 
     def channel_rows(self, block: Array) -> Array:
         """The channels in a copy made by `channel_block`, (n_channels, n_envs), float64."""
@@ -584,6 +630,10 @@ class Plant:
 
     def get_state(self) -> dict[str, Array]:
         """Everything that the plant's future depends on, as plain arrays."""
+        if self._is_handed_out:
+            # Whoever has them may have written into them.
+            self._begins[: self.n_envs] = 0
+            self._lay_begun_out()
         return {
             "state": self._state.copy(),
             "counters": self._counters.copy(),
@@ -608,6 +658,8 @@ class Plant:
                 )
             mine[...] = given
         self._position = int(state["position"])
+        self._take_back()
+        self._channel_block = None
         self.observation[...] = state["observation"]
         self.drawn[...] = state["drawn"]
 

@@ -1,43 +1,89 @@
 """Threads that share the calls of a compiled function, each on a core of its own.
 
-The calls must let go of the interpreter. The caller takes its share too, and is kept on a core of its own for
-as long: two threads that meet on one core wait for each other, while the scheduler takes milliseconds to
-notice.
+Putting a thread to sleep and waking it takes longer than a step of a thousand cables. So a thread that has
+made its share of a step looks for the next one for a while, inside compiled code and without the
+interpreter, before it goes to sleep; the caller, whose own share is as long, waits for the others in the
+same way. Two threads that meet on one core would wait for each other while the scheduler takes
+milliseconds to notice: each keeps to a core of its own, the caller for as long as the call.
 """
 
 from __future__ import annotations
 
 import os
+import queue
 import threading
+import time
 from collections.abc import Callable, Sequence
 from typing import Any
 
+from numba import types
+
+from heave_env.compiled import entry_point
+from heave_env.lanes import aligned_zeros
+from heave_env.mailbox import N_MAILBOX, call_away, post, serve, wait_for
+
+AWAKE_FOR = 3e-4
+"""How long a thread looks for its next call before it goes to sleep [s]."""
+
+_ANSWERS_MAILBOX = object()
+"""What a thread is told that is to look into its mailbox."""
+
 
 class _Worker:
-    """A thread that waits for a call, makes it and waits for the next."""
+    """A thread that makes the calls of its mailbox, or sleeps until there is one, or something else."""
 
     def __init__(self, core: int | None) -> None:
-        self.core = core
-        self.call: tuple[Callable[..., Any], tuple[Any, ...]] | None = None
-        self.error: BaseException | None = None
-        self.is_given, self.is_done = threading.Lock(), threading.Lock()
-        self.is_given.acquire()
-        self.is_done.acquire()
+        self._core = core
+        # Found now: numba looks for nothing any more when the interpreter is about to end.
+        self._call_away = entry_point(call_away, types.int64, types.int64)
+        self._memory = aligned_zeros((N_MAILBOX,), "int64")
+        self.mailbox = int(self._memory.ctypes.data)
+        self._told: queue.SimpleQueue[Any] = queue.SimpleQueue()
+        self._is_done = threading.Semaphore(0)
+        self._error: BaseException | None = None
         threading.Thread(target=self._work, daemon=True, name="heave_env").start()
 
     def _work(self) -> None:
-        if self.core is not None:
-            os.sched_setaffinity(0, {self.core})
-        while True:
-            self.is_given.acquire()
-            if self.call is None:
-                return
-            function, arguments = self.call
+        if self._core is not None:
+            os.sched_setaffinity(0, {self._core})
+        n_looks = 0
+        while (told := self._told.get()) is not None:
+            if told is _ANSWERS_MAILBOX:
+                n_looks = n_looks or _looks_until_sleep()
+                serve(self.mailbox, n_looks)
+                continue
+            function, arguments = told
+            self._call_away(self.mailbox, 0)
             try:
                 function(*arguments)
             except BaseException as error:
-                self.error = error
-            self.is_done.release()
+                self._error = error
+            self._is_done.release()
+
+    def wake(self) -> None:
+        """Has the thread look into its mailbox."""
+        self._told.put(_ANSWERS_MAILBOX)
+
+    def tell(self, told: tuple[Callable[..., Any], tuple[Any, ...]] | None) -> None:
+        """Has the thread call a function of Python, or end."""
+        self._call_away(self.mailbox, 1)
+        self._told.put(told)
+
+    def answer(self) -> BaseException | None:
+        """Waits for the function of Python to return; what it raised, if anything."""
+        self._is_done.acquire()
+        error, self._error = self._error, None
+        return error
+
+
+def _looks_until_sleep() -> int:
+    """Looks into a mailbox that take about `AWAKE_FOR`."""
+    mailbox, n_looks = aligned_zeros((N_MAILBOX,), "int64"), 20_000
+    address = int(mailbox.ctypes.data)
+    serve(address, 1)
+    begin = time.perf_counter()
+    serve(address, n_looks)
+    return max(1, int(n_looks * AWAKE_FOR / (time.perf_counter() - begin)))
 
 
 class Workers:
@@ -53,6 +99,8 @@ class Workers:
         cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
         self._cores: Sequence[int | None] = cores if len(cores) >= n_threads else [None] * n_threads
         self._workers = [_Worker(core) for core in self._cores[1:n_threads]]
+        self._post = entry_point(post, *[types.int64] * 4)
+        self._wait_for = entry_point(wait_for, types.int64)
 
     def __reduce__(self) -> tuple[Any, ...]:
         return Workers, (self.n_threads,)
@@ -63,31 +111,63 @@ class Workers:
     def run(self, function: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> None:
         """Calls the function with each of the arguments, (n_threads,), side by side, and waits for all.
 
+        It should let go of the interpreter.
+
         Raises:
             BaseException: What one of the calls raised.
         """
         for worker, given in zip(self._workers, arguments[1:], strict=True):
-            worker.call = function, given
-            worker.is_given.release()
-        core = self._cores[0]
-        allowed = None if core is None else os.sched_getaffinity(0)
+            worker.tell((function, given))
+        allowed = self._keep_to_own_core()
         try:
-            if core is not None:
-                os.sched_setaffinity(0, {core})
             function(*arguments[0])
         finally:
-            for worker in self._workers:
-                worker.is_done.acquire()
-            if allowed is not None:
-                os.sched_setaffinity(0, allowed)
-        for worker in self._workers:
-            error, worker.error = worker.error, None
+            errors = [worker.answer() for worker in self._workers]
+            self._give_core_back(allowed)
+        for error in errors:
             if error is not None:
                 raise error
+
+    def run_compiled(
+        self, function: Callable[[int, int], Any], address: int, shares: Sequence[int], position: int
+    ) -> None:
+        """Calls a compiled function side by side with each of the shares, and waits for all.
+
+        Args:
+            function: Takes two 64-bit integers, a share and the position; raises nothing.
+            address: Where the same function lies, as `compiled.address_of` gives it.
+            shares: One for each thread, (n_threads,).
+            position: The same for all.
+        """
+        if self._cores[0] is None:
+            # They would wait for each other on the cores that there are.
+            self.run(function, [(share, position) for share in shares])
+            return
+        for worker, share in zip(self._workers, shares[1:], strict=True):
+            if not self._post(worker.mailbox, address, share, position):
+                worker.wake()
+        allowed = self._keep_to_own_core()
+        try:
+            function(shares[0], position)
+        finally:
+            for worker in self._workers:
+                self._wait_for(worker.mailbox)
+            self._give_core_back(allowed)
+
+    def _keep_to_own_core(self) -> set[int] | None:
+        core = self._cores[0]
+        if core is None:
+            return None
+        allowed = os.sched_getaffinity(0)
+        os.sched_setaffinity(0, {core})
+        return allowed
+
+    def _give_core_back(self, allowed: set[int] | None) -> None:
+        if allowed is not None:
+            os.sched_setaffinity(0, allowed)
 
     def close(self) -> None:
         """Lets the threads end."""
         for worker in self._workers:
-            worker.call = None
-            worker.is_given.release()
+            worker.tell(None)
         self._workers = []

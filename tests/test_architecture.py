@@ -29,7 +29,8 @@ HOMES = {  # the first room in which a package may be imported
     "clarabel": "baselines",
 }
 LAYERS = (  # inside heave_env, from the bottom; a module imports none above its own layer
-    ("parameters", "document", "compiled", "layout", "lanes", "streams", "files", "provenance", "workers"),
+    ("parameters", "document", "compiled", "layout", "lanes", "streams", "files", "provenance"),
+    ("pool", "mailbox", "workers"),
     ("ropes", "spectra", "shaping", "rao", "sea", "vessel", "winch", "compensator", "hydrodynamics"),
     ("cable",),
     ("sensors", "task", "variants"),

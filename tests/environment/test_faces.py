@@ -19,8 +19,11 @@ from stable_baselines3.common.env_checker import check_env as check_env_for_sb3
 
 import heave_env
 from heave_env.env import HeaveEnv, HeaveVectorEnv
-from heave_env.scenarios import names
-from heave_env.workers import Workers
+from heave_env.plant import Plant
+from heave_env.pool import Pool
+from heave_env.rollouts import rollout
+from heave_env.scenarios import load, names
+from heave_env.workers import AWAKE_FOR, Workers
 
 IDS = [heave_env.load(name).environment_id for name in names()]
 
@@ -350,7 +353,8 @@ def test_python_costs_of_a_usual_step(n_envs):
     env = HeaveEnv("sea_state_5") if n_envs == 1 else HeaveVectorEnv("sea_state_5", n_envs, dtype="float32")
     env.reset(seed=0)
     action = np.zeros(env.action_space.shape, dtype=np.float32)
-    env.step(action)
+    for _ in range(3):  # until there is memory for what is handed out
+        env.step(action)
     env.plant._advance = lambda *arguments: None
     calls: list[str] = []
     sys.setprofile(lambda frame, event, _: calls.append(frame.f_code.co_name) if event == "call" else None)
@@ -363,7 +367,75 @@ def test_python_costs_of_a_usual_step(n_envs):
     spent = 1e6 * (time.perf_counter() - begin) / n_steps
     print(f"\n{n_envs} environments: {spent:.2f} us a step without the kernel")
     assert "_made_info" not in calls and "_step_with_ends" not in calls
-    assert len(calls) <= 9
+    assert len(calls) <= 13
+
+
+@pytest.mark.parametrize(("n_envs", "n_threads"), [(1, 1), (70, 1), (70, 2)])
+def test_what_a_step_returned_is_the_callers(n_envs, n_threads):
+    """Kept, it stays as it was; written into, it changes nothing that comes after."""
+    envs = [HeaveVectorEnv("sea_state_5", n_envs, n_threads=n_threads) for _ in range(2)]
+    first = [env.reset(seed=3)[0] for env in envs]
+    kept, copies = [first[0]], [first[0].copy()]
+    infos, heaves = [], []
+    rng, mask = np.random.default_rng(0), np.arange(n_envs) % 3 == 0
+    spoiled = first[1]
+    for step in range(12):
+        action = rng.uniform(-1.0, 1.0, (n_envs, 1))
+        spoiled[:] = np.nan
+        if step == 5:
+            envs[1].set_state(envs[1].get_state())
+        if step == 7:
+            kept.append(envs[0].reset_rows(mask))
+            spoiled = envs[1].reset_rows(mask)
+        elif step == 8:
+            kept.append(envs[0].reset(options={"reset_mask": mask})[0])
+            spoiled = envs[1].reset(options={"reset_mask": mask})[0]
+        else:
+            observation, _, _, _, info = envs[0].step(action)
+            kept.append(observation)
+            infos.append(info)
+            heaves.append(envs[0].plant.channel("payload_heave"))
+            spoiled = envs[1].step(action)[0]
+        copies.append(kept[-1].copy())
+        assert np.array_equal(spoiled, kept[-1])
+    for one, other in zip(kept, copies, strict=True):
+        assert np.array_equal(one, other)
+    for info, heave in zip(infos, heaves, strict=True):  # read late
+        assert np.array_equal(info["payload_heave"], heave)
+
+
+def test_memory_is_used_again_when_nobody_holds_it():
+    pool = Pool((3, 2), np.float32)
+    one, address = pool.take()
+    assert address == one.ctypes.data and one.shape == (3, 2) and one.dtype == np.float32
+    part = one[:, 0]
+    del one
+    assert pool.take()[1] != address
+    del part
+    assert pool.take()[1] == address
+    held = [pool.take()[0] for _ in range(9)]
+    assert len({array.ctypes.data for array in held}) == 9
+
+
+def test_threads_share_a_step_awake_asleep_and_called_away():
+    """The same steps on two threads, after pauses that put a thread to sleep, and between rollouts."""
+    plants = [Plant(load("sea_state_5"), 70, n_threads=n) for n in (1, 2)]
+    seeds = np.arange(70, dtype=np.uint64)
+    for plant in plants:
+        plant.begin(np.ones(70, dtype=np.bool_), seeds)
+    rng = np.random.default_rng(1)
+    for step in range(40):
+        actions = rng.uniform(-1.0, 1.0, 70)
+        if step % 10 == 5:
+            time.sleep(3 * AWAKE_FOR)
+        for plant in plants:
+            if step % 10 == 9:
+                rollout(plant, np.tile(actions, (3, 1)))
+            else:
+                plant.advance(actions)
+        assert np.array_equal(plants[0].channels, plants[1].channels)
+        assert np.array_equal(plants[0].observation, plants[1].observation)
+    plants[1].close()
 
 
 def test_threads_pass_errors_on_and_leave_the_caller_where_it_may_run():
