@@ -35,6 +35,8 @@ ELEMENTS = (20, 50)
 """Elements of the cable that are measured [-]."""
 BATCHES = (256, 4096)
 """Environments of the native batches that are measured [-]."""
+SHARED_BATCHES = (256, 1024, 4096)
+"""Environments of the batches that two threads share [-]."""
 PPO_ENVS = 256
 """Environments of the training that is measured [-]."""
 ROUNDS = 5
@@ -279,14 +281,15 @@ def cases() -> list[Case]:
             for num_envs in BATCHES
         ]
     if (os.cpu_count() or 1) > 1:
-        found.append(
+        found += [
             Case(
-                f"batch of {many}, float32, full info, {name}, 2 threads",
+                f"batch of {num_envs}, float32, full info, {name}, 2 threads",
                 "the same on one thread",
-                partial(_native, base.environment_id, many, n_threads=2, **own),
-                partial(_native, base.environment_id, many, n_threads=1, **own),
+                partial(_native, base.environment_id, num_envs, n_threads=2, **own),
+                partial(_native, base.environment_id, num_envs, n_threads=1, **own),
             )
-        )
+            for num_envs in SHARED_BATCHES
+        ]
     found += [
         Case(
             f"{ROLLED_STEPS} steps in one call, {many} envs, float32, {name}, {who}",

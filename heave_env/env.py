@@ -257,7 +257,8 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
             info: Whether `info` carries the physical channels and cost terms.
             information_set: What is observed, in place of the scenario's choice.
             overrides: Scenario values to replace, by dotted path.
-            n_threads: Threads that share a large batch; one is best below about 1000 environments.
+            n_threads: Threads that share the batch, each on a core of its own, where it looks for the next step
+                for 0.3 ms before it sleeps; below about 500 environments one is best.
 
         Raises:
             ValueError: If an argument is impossible.
