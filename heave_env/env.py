@@ -257,8 +257,8 @@ class HeaveVectorEnv(gym.vector.VectorEnv):
             info: Whether `info` carries the physical channels and cost terms.
             information_set: What is observed, in place of the scenario's choice.
             overrides: Scenario values to replace, by dotted path.
-            n_threads: Threads that share the batch, each on a core of its own, where it looks for the next step
-                for 0.3 ms before it sleeps; below about 500 environments one is best.
+            n_threads: Threads that share the batch, each on a core of its own, where it looks for the next
+                step for 0.3 ms before it sleeps; below about 500 environments one is best.
 
         Raises:
             ValueError: If an argument is impossible.
@@ -566,9 +566,14 @@ class HeaveEnv(gym.Env):
         self._seeded = False
         self._finished = True
         self._n_steps = self.plant.n_steps
-        self._observation = self.plant.observation[0]
+        self._copy_observation = self.plant.observation[0].copy
         self._traces = _Traces(self.plant, 0) if render_mode is not None else None
         self._window: HumanWindow | None = None
+
+    def __setstate__(self, state: dict[str, Any]) -> None:
+        """Of a copy: it shows what its own plant observes."""
+        self.__dict__.update(state)
+        self._copy_observation = self.plant.observation[0].copy
 
     def reset(
         self, *, seed: int | None = None, options: dict[str, Any] | None = None
@@ -585,7 +590,7 @@ class HeaveEnv(gym.Env):
         if self._traces is not None:
             self._traces.restart()
             self._show_human()
-        return self._observation.copy(), self._infos(RUNNING)
+        return self._copy_observation(), self._infos(RUNNING)
 
     def step(self, action: Any) -> tuple[Array, float, bool, bool, dict[str, Any]]:
         """Advances by one control step under an action of shape (1,).
@@ -603,17 +608,24 @@ class HeaveEnv(gym.Env):
             value, is_finite = checked_actions(action, (1,)).item(), True
         if not is_finite:
             raise ValueError(f"action must be finite numbers in [-1, 1], got {value}")
-        reward, fate = self.plant.advance_one(value)
+        reward = self.plant.advance_one(value)
         self._steps = steps = self._steps + 1
+        if reward != reward or steps >= self._n_steps or self._traces is not None:
+            return self._step_with_end()
+        # The usual step: the episode goes on.
+        return self._copy_observation(), reward, False, False, self._infos(RUNNING) if self._info else {}
+
+    def _step_with_end(self) -> tuple[Array, float, bool, bool, dict[str, Any]]:
+        """The rest of a step that may be an episode's last, or is drawn."""
+        reward, fate = self.plant.outcome_of_one()
         terminated = fate != RUNNING
-        truncated = steps >= self._n_steps and not terminated
+        truncated = self._steps >= self._n_steps and not terminated
         if terminated or truncated:
             self._finished = True
         if self._traces is not None:
             self._traces.record()
             self._show_human()
-        info = self._infos(fate) if self._info else {}
-        return self._observation.copy(), reward, terminated, truncated, info
+        return self._copy_observation(), reward, terminated, truncated, self._infos(fate)
 
     def render(self) -> Any:
         """A frame (uint8, (480, 640, 3)), a string for "ansi", or None for "human"."""

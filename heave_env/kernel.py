@@ -220,8 +220,9 @@ CALM, FILTERED, SINUSOIDS, RECORDED = 0, 1, 2, 3
     SHOWS_ALL,
     N_CONFIGURATION,
 ) = range(66)
-# What a call is told of: its share of the blocks, and a scratch block of its own.
-SHARE_CONFIGURATION, SHARE_SCRATCH, SHARE_FIRST_BLOCK, SHARE_LAST_BLOCK = range(4)
+# What a call is told of: its share of the blocks, a scratch block of its own, and the control steps that
+# these blocks have made, which say where the rings stand.
+SHARE_CONFIGURATION, SHARE_SCRATCH, SHARE_FIRST_BLOCK, SHARE_LAST_BLOCK, SHARE_POSITION = range(5)
 
 CONTROL_DT = 0
 """Place of the control step [s] in `tables`, which begins with it."""
@@ -893,28 +894,36 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
 
     # A single environment's step is over before another thread could use the time.
     @njit(cache=True, nogil=n_lanes > 1, error_model="numpy")
-    def advance(share, position):
+    def advance(share, action):
         """Advances every row of some blocks by one control step, under the actions that the plant holds.
 
         Args:
-            share: Address of four integers: configuration, scratch block, first block and the block to stop
-                before.
-            position: Control steps that the batch has made: where the rings stand.
+            share: Address of five integers: configuration, scratch block, first block, the block to stop
+                before, and the control steps made, which this call counts on.
+            action: Of a single environment, [-]; a batch looks at those that the plant holds.
+
+        Returns:
+            Of a single environment the reward, NaN if it does not go on; of a batch 0.
         """
         if fingerprint == 0:
-            return
+            return 0.0
         align_stack()
-        cfg = integers_at(integers_at(share)[SHARE_CONFIGURATION])
+        told = integers_at(share)
+        position = told[SHARE_POSITION]
+        told[SHARE_POSITION] = position + 1
+        cfg = integers_at(told[SHARE_CONFIGURATION])
+        if n_lanes == 1:
+            block_at(cfg[ADDRESS_ACTIONS], 0, 1, 0)[0] = action
         tables = block_at(cfg[ADDRESS_TABLES], 0, 1, 0)
         numbers = block_at(cfg[ADDRESS_NUMBERS], single, 1, 0)
-        W = block_at(integers_at(share)[SHARE_SCRATCH], single, n_lanes, plain)
+        W = block_at(told[SHARE_SCRATCH], single, n_lanes, plain)
         n_substeps, n_sensors = cfg[N_SUBSTEPS], cfg[N_SENSORS]
         control_dt = tables[CONTROL_DT]
         command_slot = position % (cfg[N_PENDING] + 1)
         slot = (position + 1) % cfg[SENSOR_RING]
         n_sea = cfg[N_FILTER] if cfg[SEA_KIND] == FILTERED else 0
         zero, one = constant(W, 0.0), constant(W, 1.0)
-        for block in range(integers_at(share)[SHARE_FIRST_BLOCK], integers_at(share)[SHARE_LAST_BLOCK]):
+        for block in range(told[SHARE_FIRST_BLOCK], told[SHARE_LAST_BLOCK]):
             S = block_at(
                 cfg[ADDRESS_STATE] + block * cfg[N_ROWS] * (n_lanes * itemsize), single, n_lanes, plain
             )
@@ -922,9 +931,9 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
             first_row = block * n_lanes
             n_rows = min(n_lanes, cfg[N_ENVS] - first_row)
             actions = block_at(cfg[ADDRESS_ACTIONS] + first_row * 8, 0, n_lanes, plain)
-            action = converted(S, actions[0])
-            command = maximum(minimum(action, one), -one) * S[COMMAND_RANGE]
-            S[SATURATED] = where(absolute(action) >= one, one, zero)
+            share_of_range = converted(S, actions[0])
+            command = maximum(minimum(share_of_range, one), -one) * S[COMMAND_RANGE]
+            S[SATURATED] = where(absolute(share_of_range) >= one, one, zero)
             S[COMMAND] = command
             S[cfg[ROW_COMMANDS] + command_slot] = command
             heave, heave_rate = S[BOOM_TIP_HEAVE], S[BOOM_TIP_HEAVE_RATE]
@@ -962,13 +971,17 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
                 shown = numbers_from(S, 0)
                 for i in range(size):
                     kept[i] = shown[i]
+        if n_lanes > 1:
+            return 0.0
+        goes_on = integers_at(cfg[ADDRESS_OUTCOME])[0] == RUNNING
+        return block_at(cfg[ADDRESS_REWARD], 0, 1, 0)[0] if goes_on else np.nan
 
     @njit(cache=True, nogil=n_lanes > 1, error_model="numpy")
-    def begin(share, position):
+    def begin(share):
         """Begins a new episode in the rows that the plant marked: the sea stationary, cable and payload
         hanging still, the winch at rest or in the middle of compensating.
 
-        The arguments are those of `advance`, but all blocks are looked at, and `SHOWS_ALL` has the
+        The share is one of `advance`, but all blocks are looked at, and `SHOWS_ALL` has the
         observations of the other rows laid out anew. The seeds and episodes must stand in the counters. There
         is a mark for each lane of each block: lanes beyond the last environment run along and need a state
         too.
@@ -976,10 +989,11 @@ def _make(single: int, n_lanes: int, plain: int, fingerprint: int):
         if fingerprint == 0:
             return
         align_stack()
-        cfg = integers_at(integers_at(share)[SHARE_CONFIGURATION])
+        told = integers_at(share)
+        cfg, position = integers_at(told[SHARE_CONFIGURATION]), told[SHARE_POSITION]
         tables = block_at(cfg[ADDRESS_TABLES], 0, 1, 0)
         numbers = block_at(cfg[ADDRESS_NUMBERS], single, 1, 0)
-        W = lane_of(block_at(integers_at(share)[SHARE_SCRATCH], single, n_lanes, plain), 0)
+        W = lane_of(block_at(told[SHARE_SCRATCH], single, n_lanes, plain), 0)
         begins = integers_at(cfg[ADDRESS_BEGINS])
         command_slot = (position + cfg[N_PENDING]) % (cfg[N_PENDING] + 1)
         slot = position % cfg[SENSOR_RING]

@@ -1,7 +1,8 @@
 """A mailbox in memory, through which compiled code of one thread gives calls to that of another.
 
 Neither needs the interpreter, nor the operating system as long as both are awake. A call is one of a compiled
-function of two whole numbers, named by its address; whoever serves the mailbox makes one after the other.
+function of a share and an action, as the plant's kernel is, named by its address; whoever serves the mailbox
+makes one after the other.
 """
 
 from __future__ import annotations
@@ -14,7 +15,7 @@ from numba.extending import intrinsic
 
 # Whole numbers of a mailbox, 8 bytes each. The caller writes those of the first two cache lines (two, since
 # processors fetch them in pairs), the thread the others.
-_GIVEN, _FUNCTION, _SHARE, _POSITION, _LEAVES = 0, 1, 2, 3, 4
+_GIVEN, _FUNCTION, _SHARE, _LEAVES = 0, 1, 2, 3
 _DONE, _IS_AWAKE = 16, 17
 N_MAILBOX = 32
 """Whole numbers of a mailbox."""
@@ -47,17 +48,18 @@ def _write(typing_context, mailbox, number, value):
 
 
 @intrinsic
-def _call(typing_context, address, share, position):
-    """Calls a compiled function of two whole numbers at an address."""
+def _call(typing_context, address, share):
+    """Calls a compiled function of a share and an action, 0, that lies at an address."""
 
     def generate(context, builder, called, values):
-        taken = (types.int64, types.int64)
-        kind = context.call_conv.get_function_type(types.none, taken)
+        taken = (types.int64, types.float64)
+        kind = context.call_conv.get_function_type(types.float64, taken)
         function = builder.inttoptr(values[0], kind.as_pointer())
-        context.call_conv.call_function(builder, function, types.none, taken, values[1:])
+        given = [values[1], ir.Constant(ir.DoubleType(), 0.0)]
+        context.call_conv.call_function(builder, function, types.float64, taken, given)
         return context.get_dummy_value()
 
-    return types.none(types.int64, types.int64, types.int64), generate
+    return types.none(types.int64, types.int64), generate
 
 
 @njit(cache=True, nogil=True)
@@ -67,7 +69,7 @@ def serve(mailbox, n_looks):
     done, looks = _read(mailbox, _DONE), 0
     while True:
         if _read(mailbox, _GIVEN) != done:
-            _call(_read(mailbox, _FUNCTION), _read(mailbox, _SHARE), _read(mailbox, _POSITION))
+            _call(_read(mailbox, _FUNCTION), _read(mailbox, _SHARE))
             done, looks = done + 1, 0
             _write(mailbox, _DONE, done)
         elif looks < n_looks and _read(mailbox, _LEAVES) == 0:
@@ -81,11 +83,10 @@ def serve(mailbox, n_looks):
 
 
 @njit(cache=True)
-def post(mailbox, function, share, position):
+def post(mailbox, function, share):
     """Puts a call into a mailbox; returns whether somebody is there to find it."""
     _write(mailbox, _FUNCTION, function)
     _write(mailbox, _SHARE, share)
-    _write(mailbox, _POSITION, position)
     _write(mailbox, _GIVEN, _read(mailbox, _GIVEN) + 1)
     return _read(mailbox, _IS_AWAKE)
 

@@ -10,7 +10,7 @@ import numpy as np
 from numba import njit
 
 from heave_env.compiled import announce_compilation, source_fingerprint, stage
-from heave_env.kernel import DIVERGED, KERNELS, RUNNING, SHARE_FIRST_BLOCK, SHARE_LAST_BLOCK
+from heave_env.kernel import DIVERGED, KERNELS, RUNNING, SHARE_FIRST_BLOCK, SHARE_LAST_BLOCK, SHARE_POSITION
 from heave_env.layout import (
     COMMAND_COST,
     ENERGY_COST,
@@ -117,7 +117,7 @@ def _make(which: int, fingerprint: int):
 
     @njit(cache=True, nogil=True, error_model="numpy")
     def march(
-        state, observation, actions, reward, outcome, share, position, n_steps, n_settling, given, widths,
+        state, observation, actions, reward, outcome, share, n_steps, n_settling, given, widths,
         parameters, cable, columns, record, totals,
     ):  # fmt: skip
         """Advances the rows of the blocks by many control steps.
@@ -128,8 +128,8 @@ def _make(which: int, fingerprint: int):
             actions: What the kernel reads, as long as all blocks together.
             reward: What the kernel fills, (n_envs,).
             outcome: What the kernel fills, (n_envs,).
-            share: What the kernel is told of: configuration, scratch block, first block and last, (4,).
-            position: Control steps that the batch has made.
+            share: What the kernel is told of: configuration, scratch block, first block and last, and the
+                control steps made, which are counted on, (5,).
             n_steps: Control steps to make.
             n_settling: How many of them count for nothing but a failure.
             given: Fractions of the command range, (n_steps, n_envs); no rows under a policy.
@@ -151,6 +151,7 @@ def _make(which: int, fingerprint: int):
         own = np.zeros((N_TOTALS, n_lanes))
         for block in range(share[SHARE_FIRST_BLOCK], share[SHARE_LAST_BLOCK]):
             own_share[SHARE_FIRST_BLOCK], own_share[SHARE_LAST_BLOCK] = block, block + 1
+            own_share[SHARE_POSITION] = share[SHARE_POSITION]
             first_row = block * n_lanes
             n_rows = min(n_lanes, n_envs - first_row)
             own[:] = 0.0
@@ -168,13 +169,13 @@ def _make(which: int, fingerprint: int):
                         actions[first_row + lane] = given[step, first_row + lane]
                 # Only one of these is compiled.
                 if which == 0:
-                    _first(own_share.ctypes.data, position + step)
+                    _first(own_share.ctypes.data, actions[first_row])
                 elif which == 1:
-                    _second(own_share.ctypes.data, position + step)
+                    _second(own_share.ctypes.data, actions[first_row])
                 elif which == 2:
-                    _third(own_share.ctypes.data, position + step)
+                    _third(own_share.ctypes.data, actions[first_row])
                 else:
-                    _fourth(own_share.ctypes.data, position + step)
+                    _fourth(own_share.ctypes.data, actions[first_row])
                 for c in range(len(columns)):
                     for lane in range(n_rows):
                         record[c, step + 1, first_row + lane] = state[block, columns[c], lane]
@@ -185,8 +186,9 @@ def _make(which: int, fingerprint: int):
             for total in range(N_TOTALS):
                 for lane in range(n_rows):
                     totals[total, first_row + lane] = own[total, lane]
-        # The kernel reads this memory by its address alone: it must live until here.
+        # The kernel reads its share by the address alone: the memory must live until here.
         own_share[SHARE_FIRST_BLOCK] = 0
+        share[SHARE_POSITION] += n_steps
 
     return march
 

@@ -7,6 +7,8 @@ faces, `simulate` and the tests all stand on it.
 from __future__ import annotations
 
 import math
+from collections.abc import Callable
+from functools import partial
 from itertools import pairwise
 from typing import Any
 
@@ -154,6 +156,9 @@ class Plant:
     """What became of each row in the last step: 0 running, 1 diverged, 2 lost, 3 landed, (n_envs,)."""
     drawn: Array
     """What the present episode drew for each of `scenario.uncertainty`, (n_envs, n_draws)."""
+    advance_one: Callable[[float], float]
+    """Advances a batch of one by one control step under an action in [-1, 1]; returns the reward, or NaN if
+    the row does not go on: `outcome_of_one` then tells what became of it."""
 
     def __init__(
         self,
@@ -201,7 +206,6 @@ class Plant:
         self._is_handed_out = False
         self._hands_channels_out = False
         self.drawn = np.zeros((self.n_envs, len(scenario.uncertainty)))
-        self._position = 0
         n_threads = min(int(n_threads), self.n_blocks)
         cuts = np.linspace(0, self.n_blocks, n_threads + 1).astype(int)
         self._cuts = [(int(a), int(b)) for a, b in pairwise(cuts)]
@@ -211,10 +215,11 @@ class Plant:
         for scratch in self._scratch[:, self._cfg[k.WORK_CABLE] :] if not scenario.is_linear else ():
             fill_work(scratch)
         self._workers = Workers(n_threads) if n_threads > 1 else None
-        self._bind()
+        self._bind(0)
 
-    def _bind(self) -> None:
-        """Tells the kernel where everything lies; a copy of the plant has memory of its own."""
+    def _bind(self, position: int) -> None:
+        """Tells the kernel where everything lies, and how many control steps the plant has made; a copy of
+        the plant has memory of its own."""
         cfg = self._cfg
         self._observations = Pool(self.observation.shape, np.float32)
         self._channel_blocks = Pool((self.n_blocks, rows.N_CHANNELS, self.n_lanes), self.dtype)
@@ -234,33 +239,39 @@ class Plant:
         self._channel_rows = shown[0, :, 0] if self.n_lanes == 1 else shown
         self._shares = np.array(
             [
-                (cfg.ctypes.data, scratch.ctypes.data, a, b)
+                (cfg.ctypes.data, scratch.ctypes.data, a, b, position)
                 for scratch, (a, b) in zip(self._scratch, self._cuts, strict=True)
             ]
         )
         self._calls = [share.ctypes.data for share in self._shares]
         self._first_call = self._calls[0]
-        # Of one number, Python reads and writes these several times as fast as the arrays.
-        self._action_given: Any = self._actions.data
+        # Of one number, Python reads these several times as fast as the arrays.
         self._reward_found: Any = self._reward.data
         self._outcome_found: Any = self._outcome.data
         self._advance, self._begin = self._advance_at_first, self._begin_at_first
+        self.advance_one = partial(self._advance, self._first_call)
         self._advance_address = 0
 
     def _compile(self) -> None:
         """Puts the compiled functions in place of the two below, which stand for them until then."""
         advance, begin = k.KERNELS[self.dtype, self.n_lanes]
-        self._begin = entry_point(begin, types.int64, types.int64)
-        self._advance = entry_point(advance, types.int64, types.int64)
-        self._advance_address = address_of(advance, types.int64, types.int64) if self._workers else 0
+        self._begin = entry_point(begin, types.int64)
+        self._advance = entry_point(advance, types.int64, types.float64)
+        self.advance_one = partial(self._advance, self._first_call)
+        self._advance_address = address_of(advance, types.int64, types.float64) if self._workers else 0
 
-    def _advance_at_first(self, share: int, position: int) -> None:
+    def _advance_at_first(self, share: int, action: float) -> float:
         self._compile()
-        self._advance(share, position)
+        return float(self._advance(share, action))
 
-    def _begin_at_first(self, share: int, position: int) -> None:
+    def _begin_at_first(self, share: int) -> None:
         self._compile()
-        self._begin(share, position)
+        self._begin(share)
+
+    @property
+    def _position(self) -> int:
+        """Control steps that the batch has made."""
+        return int(self._shares[0, k.SHARE_POSITION])
 
     def __getstate__(self) -> dict[str, Any]:
         """Everything but the compiled functions, views and addresses."""
@@ -277,19 +288,21 @@ class Plant:
             "_shares",
             "_calls",
             "_first_call",
-            "_action_given",
             "_reward_found",
             "_outcome_found",
+            "advance_one",
         }
-        return {name: value for name, value in self.__dict__.items() if name not in bound}
+        kept = {name: value for name, value in self.__dict__.items() if name not in bound}
+        return {**kept, "position": self._position}
 
     def __setstate__(self, state: dict[str, Any]) -> None:
+        position = state.pop("position")
         self.__dict__.update(state)
         for name in ("_state", "_counters", "_reward", "_outcome", "_actions", "_scratch"):
             given = self.__dict__[name]
             self.__dict__[name] = aligned_zeros(given.shape, given.dtype)
             self.__dict__[name][...] = given
-        self._bind()
+        self._bind(position)
 
     def _lay_out(self) -> None:
         scenario = self.scenario
@@ -495,7 +508,7 @@ class Plant:
         self._channel_block = None
         self._cfg[k.SHOWS_ALL] = self._is_handed_out
         self._take_back()
-        self._begin(self._first_call, self._position)
+        self._begin(self._first_call)
 
     def _take_back(self) -> None:
         """Goes on in other memory if the observations were handed out."""
@@ -541,25 +554,14 @@ class Plant:
             if self._hands_channels_out:
                 self._channel_block, self._cfg[k.ADDRESS_CHANNELS] = self._channel_blocks.take()
         if self._workers is None:
-            self._advance(self._first_call, self._position)
+            self._advance(self._first_call, self._actions[0])
         else:
             if self._advance_address == 0:
                 self._compile()
-            self._workers.run_compiled(self._advance, self._advance_address, self._calls, self._position)
-        self._position += 1
+            self._workers.run_compiled(self._advance, self._advance_address, self._calls)
 
-    def advance_one(self, action: float) -> tuple[float, int]:
-        """Advances a batch of one by one control step.
-
-        Args:
-            action: Fraction of the command range, in [-1, 1].
-
-        Returns:
-            Reward and outcome.
-        """
-        self._action_given[0] = action
-        self._advance(self._first_call, self._position)
-        self._position += 1
+    def outcome_of_one(self) -> tuple[float, int]:
+        """Reward and outcome of a batch of one."""
         return self._reward_found[0], self._outcome_found[0]
 
     def advance_many(self, asked: tuple[Any, ...], n_steps: int) -> None:
@@ -574,12 +576,11 @@ class Plant:
         self._cfg[k.ADDRESS_CHANNELS] = 0
         filled = (self._state, self.observation, self._actions, self.reward, self.outcome)
         loop = LOOPS[self.dtype, self.n_lanes]
-        given = [(*filled, share, self._position, *asked) for share in self._shares]
+        given = [(*filled, share, *asked) for share in self._shares]
         if self._workers is None:
             loop(*given[0])
         else:
             self._workers.run(loop, given)
-        self._position += n_steps
 
     def steps(self) -> Array:
         """Control steps that each row has made in its episode, (n_envs,)."""
@@ -657,7 +658,7 @@ class Plant:
                     "from"
                 )
             mine[...] = given
-        self._position = int(state["position"])
+        self._shares[:, k.SHARE_POSITION] = int(state["position"])
         self._take_back()
         self._channel_block = None
         self.observation[...] = state["observation"]

@@ -99,7 +99,7 @@ class Workers:
         cores = sorted(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else []
         self._cores: Sequence[int | None] = cores if len(cores) >= n_threads else [None] * n_threads
         self._workers = [_Worker(core) for core in self._cores[1:n_threads]]
-        self._post = entry_point(post, *[types.int64] * 4)
+        self._post = entry_point(post, *[types.int64] * 3)
         self._wait_for = entry_point(wait_for, types.int64)
 
     def __reduce__(self) -> tuple[Any, ...]:
@@ -129,26 +129,25 @@ class Workers:
                 raise error
 
     def run_compiled(
-        self, function: Callable[[int, int], Any], address: int, shares: Sequence[int], position: int
+        self, function: Callable[[int, float], Any], address: int, shares: Sequence[int]
     ) -> None:
         """Calls a compiled function side by side with each of the shares, and waits for all.
 
         Args:
-            function: Takes two 64-bit integers, a share and the position; raises nothing.
+            function: Takes a share and an action, here 0, as the plant's kernel does; raises nothing.
             address: Where the same function lies, as `compiled.address_of` gives it.
             shares: One for each thread, (n_threads,).
-            position: The same for all.
         """
         if self._cores[0] is None:
             # They would wait for each other on the cores that there are.
-            self.run(function, [(share, position) for share in shares])
+            self.run(function, [(share, 0.0) for share in shares])
             return
         for worker, share in zip(self._workers, shares[1:], strict=True):
-            if not self._post(worker.mailbox, address, share, position):
+            if not self._post(worker.mailbox, address, share):
                 worker.wake()
         allowed = self._keep_to_own_core()
         try:
-            function(shares[0], position)
+            function(shares[0], 0.0)
         finally:
             for worker in self._workers:
                 self._wait_for(worker.mailbox)

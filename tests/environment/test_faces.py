@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import copy
 import json
 import os
 import pickle
@@ -355,7 +356,7 @@ def test_python_costs_of_a_usual_step(n_envs):
     action = np.zeros(env.action_space.shape, dtype=np.float32)
     for _ in range(3):  # until there is memory for what is handed out
         env.step(action)
-    env.plant._advance = lambda *arguments: None
+    env.plant._advance = env.plant.advance_one = lambda *arguments: 0.0
     calls: list[str] = []
     sys.setprofile(lambda frame, event, _: calls.append(frame.f_code.co_name) if event == "call" else None)
     env.step(action)
@@ -402,6 +403,23 @@ def test_what_a_step_returned_is_the_callers(n_envs, n_threads):
         assert np.array_equal(one, other)
     for info, heave in zip(infos, heaves, strict=True):  # read late
         assert np.array_equal(info["payload_heave"], heave)
+
+
+@pytest.mark.parametrize("built", [HeaveEnv, lambda name: HeaveVectorEnv(name, 40, n_threads=2)])
+def test_a_copy_goes_on_by_itself(built):
+    env = built("sea_state_5")
+    env.reset(seed=5)
+    action = np.full(env.action_space.shape, 0.1, dtype=np.float32)
+    for _ in range(3):
+        env.step(action)
+    copies = [copy.deepcopy(env), pickle.loads(pickle.dumps(env))]
+    expected = [env.step(action) for _ in range(3)]
+    for other in copies:
+        for observation, reward, _, _, info in expected:
+            found = other.step(action)
+            assert np.array_equal(found[0], observation) and np.array_equal(found[1], reward)
+            assert np.array_equal(found[4]["payload_heave"], info["payload_heave"])
+        other.close()
 
 
 def test_memory_is_used_again_when_nobody_holds_it():
