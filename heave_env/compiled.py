@@ -14,9 +14,9 @@ from numba.core import event
 
 # IEEE division and no reassociation: the same operations in the same order in every variant, so a row
 # has the same bits alone and in a batch. Stages are inlined into the kernel that calls them.
-stage = njit(error_model="numpy", forceinline=True)
+stage = njit(error_model="numpy", forceinline=True, no_cfunc_wrapper=True)
 # For a seldom effect: called, not inlined, so that kernels without it stay as short as they were.
-seldom = njit(error_model="numpy")
+seldom = njit(error_model="numpy", no_cfunc_wrapper=True)
 
 _STAGE_FILES = (
     "streams.py",
