@@ -13,6 +13,7 @@ from typing import Any
 import numpy as np
 
 _MOST_KEPT = 4
+"""Arrays that a pool remembers: the plant holds one, its caller often the last two."""
 
 
 def _holders_of_the_kept() -> int:
