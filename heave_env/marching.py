@@ -38,6 +38,15 @@ from heave_env.layout import (
     N_TOTALS,
 ) = range(12)
 
+_SUMS = (
+    (TOTAL_POSITION, POSITION_COST),
+    (TOTAL_COMMAND, COMMAND_COST),
+    (TOTAL_ENERGY, ENERGY_COST),
+    (TOTAL_FAILURE, FAILURE_COST),
+    (TOTAL_SAFETY, SAFETY_COST),
+)
+"""Which cost of a step goes into which total."""
+
 # A compiled function finds those it calls among the globals, by name.
 _first, _second, _third, _fourth = ([advance for advance, _ in KERNELS.values()] * 4)[:4]
 
@@ -84,31 +93,36 @@ def _act(parameters, widths, x, y, actions, first_row, n_rows, n_lanes):
 
 
 @stage
-def _add_up(state, block, n_rows, n_lanes, reward, outcome, counts, cable, totals):
-    """Adds a step to the totals of a block's rows, (N_TOTALS, n_lanes); returns how many rows still run."""
+def _add_up(state, n_rows, reward, outcome, counts, cable, taken, totals):
+    """Adds a step to the totals of a block's rows, (N_TOTALS, n_lanes); returns how many rows still run.
+
+    What is left out of a total adds nothing to it, so that the loops ask no question and the compiler makes
+    vectors of them. `taken`, (2, n_lanes), says whose costs count and whose extremes.
+    """
     running = 0
+    costs, extremes = taken
     for lane in range(n_rows):
-        if totals[FATE, lane] != RUNNING:
-            continue
-        row = block * n_lanes + lane
-        fate = outcome[row]
-        totals[FATE, lane] = fate
-        totals[STEPS_MADE, lane] += 1.0
-        running += fate == RUNNING
-        if counts or state[block, FAILURE_COST, lane] > 0.0:
-            totals[TOTAL_COST, lane] -= reward[row]
-            totals[TOTAL_POSITION, lane] += state[block, POSITION_COST, lane]
-            totals[TOTAL_COMMAND, lane] += state[block, COMMAND_COST, lane]
-            totals[TOTAL_ENERGY, lane] += state[block, ENERGY_COST, lane]
-            totals[TOTAL_FAILURE, lane] += state[block, FAILURE_COST, lane]
-            totals[TOTAL_SAFETY, lane] += state[block, SAFETY_COST, lane]
-        if counts and fate != DIVERGED:
-            heave = np.float64(abs(state[block, PAYLOAD_HEAVE, lane]))
-            totals[FARTHEST, lane] = max(totals[FARTHEST, lane], heave)
-            if cable:
-                lowest, highest = state[block, TENSION_MIN, lane], state[block, TENSION_MAX, lane]
-                totals[LOWEST, lane] = min(totals[LOWEST, lane], np.float64(lowest))
-                totals[HIGHEST, lane] = max(totals[HIGHEST, lane], np.float64(highest))
+        runs, fate = totals[FATE, lane] == RUNNING, outcome[lane]
+        costs[lane] = runs & (counts | (state[FAILURE_COST, lane] > 0.0))
+        extremes[lane] = runs & counts & (fate != DIVERGED)
+        totals[STEPS_MADE, lane] += runs
+        totals[FATE, lane] = fate if runs else totals[FATE, lane]
+        running += runs & (fate == RUNNING)
+    for lane in range(n_rows):
+        totals[TOTAL_COST, lane] -= reward[lane] if costs[lane] else 0.0
+    for total, cost in _SUMS:
+        for lane in range(n_rows):
+            totals[total, lane] += state[cost, lane] if costs[lane] else 0.0
+    for lane in range(n_rows):
+        heave = abs(state[PAYLOAD_HEAVE, lane]) if extremes[lane] else 0.0
+        totals[FARTHEST, lane] = max(totals[FARTHEST, lane], heave)
+    if cable:
+        for lane in range(n_rows):
+            tension = state[TENSION_MIN, lane] if extremes[lane] else np.inf
+            totals[LOWEST, lane] = min(totals[LOWEST, lane], tension)
+        for lane in range(n_rows):
+            tension = state[TENSION_MAX, lane] if extremes[lane] else -np.inf
+            totals[HIGHEST, lane] = max(totals[HIGHEST, lane], tension)
     return running
 
 
@@ -148,7 +162,7 @@ def _make(which: int, fingerprint: int):
         own_share = share.copy()
         widest = max(widths)
         x, y = np.zeros((widest, n_lanes), np.float32), np.zeros((widest, n_lanes), np.float32)
-        own = np.zeros((N_TOTALS, n_lanes))
+        own, taken = np.zeros((N_TOTALS, n_lanes)), np.zeros((2, n_lanes), np.bool_)
         for block in range(share[SHARE_FIRST_BLOCK], share[SHARE_LAST_BLOCK]):
             own_share[SHARE_FIRST_BLOCK], own_share[SHARE_LAST_BLOCK] = block, block + 1
             own_share[SHARE_POSITION] = share[SHARE_POSITION]
@@ -180,7 +194,8 @@ def _make(which: int, fingerprint: int):
                     for lane in range(n_rows):
                         record[c, step + 1, first_row + lane] = state[block, columns[c], lane]
                 counts = step >= n_settling
-                running = _add_up(state, block, n_rows, n_lanes, reward, outcome, counts, cable, own)
+                given_back, became = reward[first_row:], outcome[first_row:]
+                running = _add_up(state[block], n_rows, given_back, became, counts, cable, taken, own)
                 if running == 0 and len(columns) == 0:
                     break
             for total in range(N_TOTALS):
