@@ -80,7 +80,9 @@ class ActorCritic(nn.Module):
         n = len(ground.transform)
         self.bound, self.settings = settings.feature_bound, settings
         self.transform: Tensor
-        self.register_buffer("transform", torch.tensor(ground.transform, dtype=torch.float32))
+        # Laid out alike whether it was worked out or read back: products round by how their factors lie.
+        transform = torch.tensor(ground.transform, dtype=torch.float32).contiguous()
+        self.register_buffer("transform", transform)
         self.hidden = _layers([n, *settings.hidden], settings.activation)
         self.output = nn.Linear(settings.hidden[-1] + n, 1)
         self.critic = _layers([n, *settings.critic_hidden], settings.activation)
