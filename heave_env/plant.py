@@ -545,16 +545,15 @@ class Plant:
 
     def advance(self, actions: Array) -> None:
         """Advances every row by one control step under actions in [-1, 1], (n_envs,), float64."""
-        if self.n_envs == 1:
-            self._actions[0] = actions[0]
-        else:
-            self._actions[: self.n_envs] = actions
-            if self._is_handed_out:
-                self._take_back()
-            if self._hands_channels_out:
-                self._channel_block, self._cfg[k.ADDRESS_CHANNELS] = self._channel_blocks.take()
+        if self.n_lanes == 1:
+            self.advance_one(actions[0])
+            return
+        self._actions[: self.n_envs] = actions
+        self._take_back()
+        if self._hands_channels_out:
+            self._channel_block, self._cfg[k.ADDRESS_CHANNELS] = self._channel_blocks.take()
         if self._workers is None:
-            self._advance(self._first_call, self._actions[0])
+            self._advance(self._first_call, 0.0)
         else:
             if self._advance_address == 0:
                 self._compile()

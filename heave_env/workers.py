@@ -111,7 +111,7 @@ class Workers:
     def run(self, function: Callable[..., Any], arguments: Sequence[tuple[Any, ...]]) -> None:
         """Calls the function with each of the arguments, (n_threads,), side by side, and waits for all.
 
-        It should let go of the interpreter.
+        The function should let go of the interpreter while it works.
 
         Raises:
             BaseException: What one of the calls raised.

@@ -348,8 +348,8 @@ def test_bad_seeds_and_masks_are_refused():
         env.reset(options={"reset_mask": np.array([1, 0])})
 
 
-@pytest.mark.parametrize("n_envs", [1, 256, 4096])
-def test_python_costs_of_a_usual_step(n_envs):
+@pytest.mark.parametrize(("n_envs", "most_calls"), [(1, 5), (256, 13), (4096, 13)])
+def test_python_costs_of_a_usual_step(n_envs, most_calls):
     """Printed, the kernel left out; held to a number of calls, not to a time."""
     env = HeaveEnv("sea_state_5") if n_envs == 1 else HeaveVectorEnv("sea_state_5", n_envs, dtype="float32")
     env.reset(seed=0)
@@ -368,7 +368,7 @@ def test_python_costs_of_a_usual_step(n_envs):
     spent = 1e6 * (time.perf_counter() - begin) / n_steps
     print(f"\n{n_envs} environments: {spent:.2f} us a step without the kernel")
     assert "_made_info" not in calls and "_step_with_ends" not in calls
-    assert len(calls) <= 13
+    assert len(calls) <= most_calls
 
 
 @pytest.mark.parametrize(("n_envs", "n_threads"), [(1, 1), (70, 1), (70, 2)])
